@@ -83,6 +83,7 @@ lint: | target/COLCON_IGNORE
 	@scripts/dependencies.sh
 	@$(PYTHON3) scripts/sentences.py
 	@$(PYTHON3) scripts/circles.py
+	@$(PYTHON3) scripts/causes.py
 	@$(MAKE) deny
 
 # Licences, sources and doubled crates of all dependencies against deny.toml. Compiled without optimisation where it is

@@ -26,6 +26,10 @@ SKIP = re.compile(r"^\s*SKIPPED (\S+): (.+)$", re.MULTILINE)
 UNPRINTABLE = re.compile("\x1b\\[[0-9;]*m|[^\t\n\r\x20-\ud7ff\ue000-\ufffd]")
 
 
+# Features that tests of a crate alone need; built with the workspace they have them.
+WITH = {"wrapyfi_core": ["full"], "wrapyfi_ros2": ["fastdds-services"], "wrapyfi_zeromq": ["curve"]}
+
+
 class Case:
     def __init__(self, suite, name, seconds=0.0, failure=None, skipped=None, output=""):
         self.suite, self.name, self.seconds = suite, name, seconds
@@ -181,9 +185,9 @@ def main():
                 cases += from_nextest(junit)
     else:
         kinds = ["--lib"] if is_library else []
-        features = ["full"] if crate == "wrapyfi_core" else []
-        if options.rmw and crate in ("wrapyfi_core", "wrapyfi_bridge"):
-            features.append("rmw")
+        features = WITH.get(crate, [])
+        if options.rmw and crate in ("wrapyfi_bridge", "wrapyfi_ros2"):
+            features = [*features, "rmw"]
         if features:
             kinds += ["--features", ",".join(features)]
         status, text = run(

@@ -36,10 +36,11 @@ foreach(_crate ${CRATES})
     "${ROOT}/${_crate}/COLCON_IGNORE" ${_needless})
 
   # Normalising drops the paths between our crates. Installed they lie side by side, so a foreign
-  # crate needs one path only and no registry ever has to know the others.
+  # crate needs one path only and no registry ever has to know the others. Those that its tests need have the same
+  # path, because cargo refuses a crate with two.
   file(READ "${ROOT}/${_crate}/Cargo.toml" _manifest)
   foreach(_other ${CRATES})
-    string(REPLACE "[dependencies.${_other}]\n" "[dependencies.${_other}]\npath = \"../../${_other}/rust\"\n"
+    string(REPLACE "dependencies.${_other}]\n" "dependencies.${_other}]\npath = \"../../${_other}/rust\"\n"
       _manifest "${_manifest}")
   endforeach()
   file(WRITE "${ROOT}/${_crate}/Cargo.toml" "${_manifest}")

@@ -12,7 +12,7 @@
 get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
 set(WRAPYFI_RUST_MINIMUM 1.89)
 # Libraries whose sources are installed, and the programs.
-set(WRAPYFI_LIBRARIES wrapyfi_retry wrapyfi_interfaces wrapyfi_data wrapyfi_endpoint wrapyfi_engine wrapyfi_node wrapyfi_macros wrapyfi_yarp wrapyfi_rmw
+set(WRAPYFI_LIBRARIES wrapyfi_retry wrapyfi_interfaces wrapyfi_data wrapyfi_plugins wrapyfi_endpoint wrapyfi_engine wrapyfi_node wrapyfi_macros wrapyfi_yarp wrapyfi_rmw
   wrapyfi_zeromq wrapyfi_ros1 wrapyfi_ros2 wrapyfi_yarp_endpoint wrapyfi_core)
 set(WRAPYFI_INSTALLED_CRATES ${WRAPYFI_LIBRARIES} wrapyfi_bridge)
 

@@ -16,8 +16,7 @@ def generate_launch_description():
         [
             DeclareLaunchArgument(
                 "middleware",
-                choices=["ros1", "yarp", "zeromq"],
-                description="Whose topics and services are bridged into ROS 2 and back",
+                description="Whose topics and services are bridged into ROS 2 and back: ros1, yarp, zeromq",
             ),
             DeclareLaunchArgument(
                 "prefix",

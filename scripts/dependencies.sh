@@ -1,21 +1,21 @@
 #!/usr/bin/env bash
-# Counts the crates that wrapyfi_core with `#[communicator]` on ZeroMQ alone depends on: what is heavy is a feature that is
-# off, and stays it.
+# Counts the crates of others that wrapyfi_core with `#[communicator]` on ZeroMQ alone depends on: what is heavy is a feature
+# that is off, and stays it. Walls between our own crates cost a user nothing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-LIMIT=70
+LIMIT=64
 
 tree() {
     cargo tree --locked --package wrapyfi_core --no-default-features --features zeromq --edges normal,build \
         --prefix none --no-dedupe
 }
 
-crates=$(tree | sort -u | grep -v '^wrapyfi_core v')
+crates=$(tree | sort -u | grep -v '^wrapyfi_')
 count=$(wc -l <<<"$crates")
 if [ "$count" -ge $LIMIT ]; then
     printf '%s\n' "$crates" >&2
-    echo "dependencies: wrapyfi_core with feature zeromq depends on $count crates, fewer than $LIMIT are allowed: put what was" \
+    echo "dependencies: wrapyfi_core with feature zeromq depends on $count crates of others, fewer than $LIMIT are allowed: put what was" \
         "added behind a feature" >&2
     exit 1
 fi

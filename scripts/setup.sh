@@ -136,7 +136,7 @@ ros1_messages() {
 
 # Debian has ROS 1; where nobody has, the tests against it are skipped.
 ros1() {
-    local packages=(python3-rosbag python3-rosmaster python3-rosnode python3-rospy python3-rosservice
+    local packages=(python3-actionlib python3-rosbag python3-rosmaster python3-rosnode python3-rospy python3-rosservice
         python3-rostopic python3-sensor-msgs python3-std-msgs python3-std-srvs)
     if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
         apt_packages "${packages[@]}"
@@ -144,7 +144,7 @@ ros1() {
         echo "setup: this system has no ROS 1 (python3-rospy): the tests against it are skipped" >&2
     fi
     # Another peer is compiled against it.
-    packages=(libroscpp-dev libsensor-msgs-dev libstd-msgs-dev libstd-srvs-dev)
+    packages=(libactionlib-dev libroscpp-dev libsensor-msgs-dev libstd-msgs-dev libstd-srvs-dev)
     if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
         apt_packages "${packages[@]}"
     else

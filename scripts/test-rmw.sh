@@ -71,7 +71,7 @@ routed='"$1" >/dev/null 2>&1 & router=$!; trap "kill $router" EXIT; shift; "$@"'
 
 for rmw in "${installed[@]}"; do
     echo "test-rmw: $rmw"
-    only="package(wrapyfi_rmw) or (package(wrapyfi_core) and test(/^ros2_rmw::/))
+    only="package(wrapyfi_rmw) or (package(wrapyfi_ros2) and test(/^rmw::/))
         or (package(wrapyfi_e2e) and (test(/^rmw::/) or test(/^real_ros2::$rmw::/) or $ours))"
     [ "$rmw" != rmw_cyclonedds_cpp ] || only="$only or (package(wrapyfi_e2e) and ($peers))"
     router=()

@@ -120,7 +120,7 @@ fn carry(bus: &Memory, kind: Kind, is_over: &AtomicBool) -> Result<()> {
 /// Waits until what is between the ends is open.
 fn wait_open(ends: &mut Ends, payload: &Payload) -> Result<()> {
     for _ in 0..1000 {
-        // Nobody may listen yet: what is refused now is not an error.
+        // There may be no listener yet: what is refused now is not an error.
         _ = ends.publisher.publish(payload);
         ends.context.wake.wait(Duration::from_millis(10));
         if ends.listener.take()?.is_some() {

@@ -94,13 +94,13 @@ fn main() -> Result<()> {
     }
 }
 
-/// Progress and failures, for whoever waits and for the report.
+/// Progress and failures, for the user who waits and for the report.
 #[derive(Default)]
 struct Notes(Vec<String>);
 
 impl Notes {
     fn say(text: &str) {
-        // Nothing is lost where nobody reads along.
+        // Nothing is lost where no program reads along.
         _ = writeln!(std::io::stderr(), "{text}");
     }
 

@@ -23,12 +23,13 @@ use memchr::{memmem, memrchr};
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{MessageType, Payload, Value};
-use wrapyfi_endpoint::codec::{frames, json, ros};
+use wrapyfi_endpoint::codec::{json, ros};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{self as endpoint, Middleware as _, TopicSpec};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::ros1::{Options, Rules, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_zeromq::codec as frames;
 
 use crate::payload::{self, Kind, Maker, compress, decode_frames, decompress};
 use crate::python::Python;
@@ -204,8 +205,8 @@ fn native(criterion: &mut Criterion) -> Result<()> {
     let Payload::NativeObject(object) = Maker::new(Kind::F32Mib)?.payload(1) else {
         anyhow::bail!("a dict is no native object");
     };
-    let (value, limits) = (object.value, Limits::default());
-    let text = Bytes::from(json::encode(&value)?);
+    let (value, limits, plugins) = (object.value, Limits::default(), wrapyfi_plugins::standard());
+    let text = Bytes::from(json::encode(&value, &plugins)?);
     let tag = b"\"numpy.ndarray\", \"";
     let from = memmem::find(&text, tag).context("no array in the text")? + tag.len();
     let base64 = text.get(from..memrchr(b'"', &text).context("no end")?).context("no base64")?;
@@ -217,11 +218,15 @@ fn native(criterion: &mut Criterion) -> Result<()> {
         // Into memory that is there already: a bound has nothing to allocate.
         it.iter(|| STANDARD.decode(black_box(base64), buffer.as_out()).map(|out| out.len()));
     });
-    group.bench_function("decode", |it| it.iter(|| json::decode(black_box(&text), &limits)));
+    group.bench_function("decode", |it| {
+        it.iter(|| json::decode(black_box(&text), &limits, &plugins));
+    });
     group.bench_function("base64 encode", |it| {
         it.iter(|| STANDARD.encode_type::<Vec<u8>>(black_box(&file)));
     });
-    group.bench_function("encode", |it| it.iter(|| json::encode(black_box(&value))));
+    group.bench_function("encode", |it| {
+        it.iter(|| json::encode(black_box(&value), &plugins));
+    });
     group.finish();
     let mut group = criterion.benchmark_group("base64");
     // With the 128 bytes of the array's header, as Wrapyfi sends them.
@@ -253,14 +258,16 @@ fn payloads(criterion: &mut Criterion) -> Result<()> {
             it.iter(|| decode_frames(black_box(&encoded), &spec));
         });
         group.finish();
-        let cdr = Bytes::from(maker.cdr()?.body);
+        let (cdr, plugins) = (Bytes::from(maker.cdr()?.body), wrapyfi_plugins::standard());
         let mut group = criterion.benchmark_group("cdr");
         group.bench_function(format!("encode {name}"), |it| {
             // Its pieces share the payload's memory.
-            it.iter(|| drop(black_box(ros::encode(black_box(&payload), message_type))));
+            it.iter(|| {
+                drop(black_box(ros::encode(black_box(&payload), message_type, &plugins)));
+            });
         });
         group.bench_function(format!("decode {name}"), |it| {
-            it.iter(|| ros::decode(black_box(&cdr), message_type, &limits));
+            it.iter(|| ros::decode(black_box(&cdr), message_type, &limits, &plugins));
         });
         group.finish();
         if kind == Kind::VgaJpeg {

@@ -19,7 +19,8 @@ use wrapyfi_data::types::{
     RawPixels, SampleFormat, Stamp, Tensor, Value,
 };
 use wrapyfi_endpoint::TopicSpec;
-use wrapyfi_endpoint::codec::{self, frames, jpeg, ros};
+use wrapyfi_endpoint::codec::{self, jpeg, ros};
+use wrapyfi_zeromq::codec as frames;
 
 /// Numbers are counted from here: ten digits, and a plausible time.
 pub(crate) const BASE: u32 = 1_700_000_000;
@@ -178,7 +179,8 @@ impl Maker {
 
     /// Message 0 in CDR.
     pub(crate) fn cdr(&self) -> Result<Numbered> {
-        let parts = ros::encode(&self.payload(0), self.kind.message_type())?;
+        let parts =
+            ros::encode(&self.payload(0), self.kind.message_type(), &wrapyfi_plugins::standard())?;
         let body: Vec<u8> =
             parts.pieces().iter().flat_map(|piece| piece.as_ref().to_vec()).collect();
         let number_at = if self.kind.is_stamped() { 4 } else { self.number_at(&body)? };
@@ -290,7 +292,7 @@ fn above_base(number: u32) -> Result<u32> {
 
 /// Decodes frames as the product does.
 pub(crate) fn decode_frames(frames: &[Bytes], spec: &TopicSpec) -> Result<Payload> {
-    Ok(codec::frames::decode(frames, spec, Stamp::default())?)
+    Ok(wrapyfi_zeromq::codec::decode(frames, spec, Stamp::default())?)
 }
 
 /// Turns the pixels of a camera into the file that is sent; other payloads stay as they are.

@@ -57,7 +57,7 @@ impl Target {
         Self { what: what.into(), limit, value, interval: interval(rounds), parts: parts.into() }
     }
 
-    /// A figure whose bounds somebody else knows.
+    /// A figure whose bounds the caller knows.
     pub(crate) fn between(
         what: impl Into<String>,
         limit: Limit,

@@ -7,7 +7,7 @@
 //!   400 topics of rospy ─▶ one pattern, 400 routes ─▶ ros2:/many/t0 … /many/t399
 //! ```
 //!
-//! When a route is open, and open again, the bridge's log tells to the microsecond. Nobody listens: messages are
+//! When a route is open, and open again, the bridge's log tells to the microsecond. No program listens: messages are
 //! counted as they are taken.
 
 use std::collections::BTreeMap;
@@ -232,7 +232,7 @@ fn opened(log: &Path, since: f64) -> BTreeMap<String, f64> {
         let mut parts = head.split("] [");
         let (_level, stamp, logger) = (parts.next()?, parts.next()?, parts.next()?);
         let stamp: f64 = stamp.parse().ok()?;
-        // Open, and nobody at one of its ends.
+        // Open, and no program at one of its ends.
         let is_open = [
             "waiting for a publisher",
             "waiting for a listener",

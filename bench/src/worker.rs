@@ -150,7 +150,7 @@ impl Source {
         let start = clock::now();
         let mut ledger = Ledger::default();
         while ledger.report.received == 0 && clock::now() < start + OPENING {
-            // Nobody may be there yet: what is refused now is not an error.
+            // There may be no program yet: what is refused now is not an error.
             let _refused = self.send(&mut ledger, clock::now());
             self.hear(&mut ledger, Duration::from_millis(40))?;
         }

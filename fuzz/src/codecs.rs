@@ -2,13 +2,11 @@
 
 use bytes::Bytes;
 use wrapyfi_data::Limits;
-use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, MessageType, Properties, Stamp};
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::npy::NpyArray;
-use wrapyfi_endpoint::codec::{
-    frames as zeromq, jpeg as jpeg_file, json as text, npy as file, ros,
-};
+use wrapyfi_endpoint::codec::{jpeg as jpeg_file, json as text, npy as file, ros};
+use wrapyfi_zeromq::codec as zeromq;
 
 use crate::{LIMITS, bounded};
 
@@ -32,11 +30,18 @@ const WIDE: Limits = Limits { message_bytes: 16 * LIMITS.message_bytes, ..LIMITS
 /// Wrapyfi's JSON, arrays in it included.
 pub fn json(data: &[u8]) {
     let data = Bytes::copy_from_slice(data);
-    let Ok(value) = bounded(text_of(&data), TEXT, || text::decode(&data, &LIMITS)) else { return };
-    let written = text::encode(&value).expect("what was read can be written");
-    let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
+    let Ok(value) = bounded(text_of(&data), TEXT, || {
+        text::decode(&data, &LIMITS, &wrapyfi_plugins::standard())
+    }) else {
+        return;
+    };
+    let written =
+        text::encode(&value, &wrapyfi_plugins::standard()).expect("what was read can be written");
+    let again = text::decode(&written.clone().into(), &WIDE, &wrapyfi_plugins::standard())
+        .expect("what was written is read");
     // Not the values: one with a NaN inside differs from itself.
-    let rewritten = text::encode(&again).expect("what was read can be written");
+    let rewritten =
+        text::encode(&again, &wrapyfi_plugins::standard()).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
 
     if let Ok(properties) = Properties::from_value(&value) {
@@ -45,12 +50,15 @@ pub fn json(data: &[u8]) {
     }
 
     // Refused where a plug-in has taken the name by which arrays are meant there.
-    let Ok((beside, tensors)) = text::encode_with_tensors(&value, &Plugins::standard()) else {
+    let Ok((beside, tensors)) = text::encode_with_tensors(&value, &wrapyfi_plugins::standard())
+    else {
         return;
     };
-    let whole = text::decode_with_tensors(&beside.into(), &tensors, &WIDE, &Plugins::standard())
-        .expect("its own text");
-    let rewritten = text::encode(&whole).expect("what was read can be written");
+    let whole =
+        text::decode_with_tensors(&beside.into(), &tensors, &WIDE, &wrapyfi_plugins::standard())
+            .expect("its own text");
+    let rewritten =
+        text::encode(&whole, &wrapyfi_plugins::standard()).expect("what was read can be written");
     assert!(written == rewritten, "changed by arrays beside the text");
 }
 
@@ -128,13 +136,18 @@ pub fn cdr(data: &[u8]) {
         _ => BYTES,
     };
     let body = Bytes::copy_from_slice(body);
-    let read = bounded(text_of(data), factor, || ros::decode(&body, message_type, &LIMITS));
+    let read = bounded(text_of(data), factor, || {
+        ros::decode(&body, message_type, &LIMITS, &wrapyfi_plugins::standard())
+    });
     let Ok(payload) = read else { return };
     assert_eq!(payload.data_type(), message_type.data_type());
-    let written = ros::encode(&payload, message_type).expect("what was read can be written");
+    let written = ros::encode(&payload, message_type, &wrapyfi_plugins::standard())
+        .expect("what was read can be written");
     let written = written.to_bytes();
-    let again = ros::decode(&written, message_type, &WIDE).expect("what was written is read");
-    let rewritten = ros::encode(&again, message_type).expect("what was read can be written");
+    let again = ros::decode(&written, message_type, &WIDE, &wrapyfi_plugins::standard())
+        .expect("what was written is read");
+    let rewritten = ros::encode(&again, message_type, &wrapyfi_plugins::standard())
+        .expect("what was read can be written");
     assert!(written == rewritten.to_bytes(), "changed by writing and reading");
 }
 

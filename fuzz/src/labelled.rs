@@ -24,17 +24,21 @@ fn object(parts: &str) -> Option<Value> {
         return None;
     }
     let limits = Limits { message_bytes: LIMIT, ..LIMITS };
-    let read = bounded(message.len() + LIMIT, 8, || text::decode(&message, &limits));
+    let read = bounded(message.len() + LIMIT, 8, || {
+        text::decode(&message, &limits, &wrapyfi_plugins::standard())
+    });
     let value = read.expect("an object that is refused is carried");
-    let written = match (&value, text::encode(&value)) {
+    let written = match (&value, text::encode(&value, &wrapyfi_plugins::standard())) {
         (Value::Tagged(_), carried) => {
             assert_eq!(carried.expect("carried"), message);
             return None;
         }
         (_, written) => written.expect("what was read can be written"),
     };
-    let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
-    let rewritten = text::encode(&again).expect("what was read can be written");
+    let again = text::decode(&written.clone().into(), &WIDE, &wrapyfi_plugins::standard())
+        .expect("what was written is read");
+    let rewritten =
+        text::encode(&again, &wrapyfi_plugins::standard()).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
     Some(value)
 }

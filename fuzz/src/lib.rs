@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Each function asserts: no panic below it; what was read can be written, and reads the same
-//! again; memory stays within a multiple of the input ([`bounded`]), so that nobody can make the
+//! again; memory stays within a multiple of the input ([`bounded`]), so that no program can make the
 //! process hold more than the message limit allows.
 //!
 //! `fuzz/README.md` says how to run them.

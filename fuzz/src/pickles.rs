@@ -1,9 +1,9 @@
-//! Target of `wrapyfi_endpoint::codec::pickle`.
+//! Target of `wrapyfi_plugins::pickle`.
 
 use std::collections::HashSet;
 
 use bytes::Bytes;
-use wrapyfi_endpoint::codec::pickle::{self as codec, Allowed, Node, Pickle, View};
+use wrapyfi_plugins::pickle::{self as codec, Allowed, Node, Pickle, View};
 
 use crate::{LIMITS, bounded};
 

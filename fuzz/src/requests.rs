@@ -4,7 +4,8 @@ use bytes::Bytes;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Encoding, ServiceKind, Stamp};
 use wrapyfi_endpoint::ServiceSpec;
-use wrapyfi_endpoint::codec::requests::{self, mark};
+use wrapyfi_endpoint::codec::requests;
+use wrapyfi_zeromq::codec::mark;
 
 use crate::{LIMITS, bounded};
 
@@ -85,16 +86,16 @@ fn reply(body: &[u8], spec: &ServiceSpec) {
 
 fn binary(body: &[u8], spec: &ServiceSpec) {
     let Some((frame, body)) = body.split_at_checked(mark::SIZE) else { return };
-    let Some(mark) = mark::Mark::decode(frame) else { return };
-    assert_eq!(mark.encode(), frame, "a mark changed");
+    let Some(read) = mark::Mark::decode(frame) else { return };
+    assert_eq!(read.encode(), frame, "a mark changed");
     let body = Bytes::copy_from_slice(body);
     let size = body.len() + UNPACKED / TEXT;
-    let read = bounded(size, TEXT, || requests::decode_binary(mark.content, &body, spec));
+    let read = bounded(size, TEXT, || mark::decode(read.content, &body, spec));
     let Ok(payload) = read else { return };
     assert_eq!(payload.data_type(), spec.kind.data_type());
     let wide = wide(spec);
-    let (content, written) = requests::encode_binary(&payload, &wide).expect("what was read");
-    let again = requests::decode_binary(content, &written, &wide).expect("what was written");
-    let (_, rewritten) = requests::encode_binary(&again, &wide).expect("what was read");
+    let (content, written) = mark::encode(&payload, &wide).expect("what was read");
+    let again = mark::decode(content, &written, &wide).expect("what was written");
+    let (_, rewritten) = mark::encode(&again, &wide).expect("what was read");
     assert!(written == rewritten, "changed by writing and reading");
 }

@@ -2,7 +2,6 @@
 
 use bytes::Bytes;
 use wrapyfi_data::Limits;
-use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::Value;
 use wrapyfi_endpoint::codec::json as text;
 
@@ -28,20 +27,24 @@ pub fn plugin_table(data: &[u8]) {
         return;
     }
     // JSON takes sixteen times the limit, an object four times.
-    let read = bounded(message.len() + LIMIT, 24, || text::decode(&message, &limits));
+    let read = bounded(message.len() + LIMIT, 24, || {
+        text::decode(&message, &limits, &wrapyfi_plugins::standard())
+    });
     let value = read.expect("an object that is refused is carried");
     if !matches!(value, Value::Table(_)) {
-        assert_eq!(text::encode(&value).expect("carried"), message);
+        assert_eq!(text::encode(&value, &wrapyfi_plugins::standard()).expect("carried"), message);
         return;
     }
     // A table that pandas cannot have, such as one with two columns of one label, is an error that
     // says so.
-    let Ok(written) = text::encode(&value) else { return };
-    let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
+    let Ok(written) = text::encode(&value, &wrapyfi_plugins::standard()) else { return };
+    let again = text::decode(&written.clone().into(), &WIDE, &wrapyfi_plugins::standard())
+        .expect("what was written is read");
     assert_eq!(again.refusals().map(|(_, reason)| reason).next(), None);
-    let rewritten = text::encode(&again).expect("what was read can be written");
+    let rewritten =
+        text::encode(&again, &wrapyfi_plugins::standard()).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
-    let plugins = Plugins::standard();
+    let plugins = wrapyfi_plugins::standard();
     let (beside, tensors) = text::encode_with_tensors(&value, &plugins).expect("its graph form");
     text::decode_with_tensors(&beside.into(), &tensors, &WIDE, &plugins).expect("its own text");
 }

@@ -32,17 +32,22 @@ pub fn plugin_tensor(data: &[u8]) {
         return;
     }
     // The objects of a pickle may take four times the limit.
-    let read = bounded(message.len() + LIMIT, 8, || text::decode(&message, &limits));
+    let read = bounded(message.len() + LIMIT, 8, || {
+        text::decode(&message, &limits, &wrapyfi_plugins::standard())
+    });
     let value = read.expect("an object that is refused is carried");
     let Value::Tensor(tensor) = &value else {
-        assert_eq!(text::encode(&value).expect("carried"), message);
+        assert_eq!(text::encode(&value, &wrapyfi_plugins::standard()).expect("carried"), message);
         return;
     };
     assert_eq!(tensor.data().len(), tensor.element_count() * tensor.dtype().size());
     assert!(tensor.data().len() <= LIMIT);
-    let written = text::encode(&value).expect("what was read can be written");
-    let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
-    let rewritten = text::encode(&again).expect("what was read can be written");
+    let written =
+        text::encode(&value, &wrapyfi_plugins::standard()).expect("what was read can be written");
+    let again = text::decode(&written.clone().into(), &WIDE, &wrapyfi_plugins::standard())
+        .expect("what was written is read");
+    let rewritten =
+        text::encode(&again, &wrapyfi_plugins::standard()).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
 }
 

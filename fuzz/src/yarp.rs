@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::sig::{Image, Matrix, Rows, Sound, Stamp, Vector};
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
 use crate::bounded;
 
@@ -14,9 +14,9 @@ const WORDS: usize = 160;
 /// Memory for each byte of objects, whose numbers are shared or copied.
 const BYTES: usize = 4;
 
-fn limits() -> Limits {
+fn limits() -> WireLimits {
     // JSON readers take 128 levels, and a dictionary is two of them.
-    Limits { max_message_bytes: 1 << 20, max_depth: 40, ..Limits::default() }
+    WireLimits { max_message_bytes: 1 << 20, max_depth: 40, ..WireLimits::default() }
 }
 
 fn dialect(choice: u8) -> Dialect {
@@ -64,7 +64,7 @@ pub fn yarp_text(data: &[u8]) {
     if written.contains(&b'[') || written.windows(4).any(|word| word == b"null") {
         return;
     }
-    let wide = Limits { max_message_bytes: usize::MAX, ..limits };
+    let wide = WireLimits { max_message_bytes: usize::MAX, ..limits };
     let again = Bottle::from_text_as(&written, dialect, &wide).expect("what was written is read");
     assert!(again.to_text_bytes() == written, "changed by writing and reading");
 }

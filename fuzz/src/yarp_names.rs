@@ -1,6 +1,6 @@
 //! Targets of what is said to and by a YARP name server, and of the file that says where it is.
 
-use wrapyfi_yarp::Limits;
+use wrapyfi_yarp::WireLimits;
 use wrapyfi_yarp::name::NameServerConf;
 use wrapyfi_yarp::server::NameServerLimits;
 use wrapyfi_yarp::server::offline::{Offline, read_answer, read_found};
@@ -22,10 +22,10 @@ pub fn yarp_name_lines(data: &[u8]) {
     let cut = data.windows(SEPARATOR.len()).position(|part| part == SEPARATOR);
     let (commands, answer) = data.split_at(cut.unwrap_or(data.len()));
     let answer = answer.strip_prefix(SEPARATOR).unwrap_or_default();
-    let limits = Limits {
+    let limits = WireLimits {
         max_message_bytes: LIMITS.message_bytes,
         max_depth: LIMITS.depth,
-        ..Limits::default()
+        ..WireLimits::default()
     };
     bounded(commands.len(), COMMANDS, || serve(commands, &limits));
     let ports = bounded(answer.len(), ANSWER, || read_answer(answer, &limits));
@@ -67,7 +67,7 @@ pub fn yarp_multicast(data: &[u8]) {
         b'1' => datagram::seal(1, datagram),
         _ => datagram::seal(0, datagram),
     };
-    let mut server = Offline::new(kept(), Limits::default());
+    let mut server = Offline::new(kept(), WireLimits::default());
     for line in commands.split(|&byte| byte == b'\n').take(16) {
         server.ask(line);
     }
@@ -103,7 +103,7 @@ fn kept() -> NameServerLimits {
     }
 }
 
-fn serve(commands: &[u8], limits: &Limits) {
+fn serve(commands: &[u8], limits: &WireLimits) {
     let kept = kept();
     let most = kept.max_names;
     let mut server = Offline::new(kept, limits.clone());
@@ -114,7 +114,7 @@ fn serve(commands: &[u8], limits: &Limits) {
         if !answer.ends_with(b"*** end of message\r\n") {
             assert!(!inner.contains(&b'\n'), "a bottle is one line");
         }
-        // Whoever reads lines must not find ends that a name brought along.
+        // The program that reads lines must not find ends that a name brought along.
         assert!(!inner.contains(&0), "a line has no NUL");
         assert!(server.names() <= most, "{} names", server.names());
     }

@@ -8,13 +8,13 @@ use wrapyfi_yarp::wire::http::MAX_HEAD;
 use wrapyfi_yarp::wire::message::{self, Found, MessageReader};
 use wrapyfi_yarp::wire::mjpeg::MjpegReader;
 use wrapyfi_yarp::wire::text::{self, Lines, TextReader};
-use wrapyfi_yarp::wire::{Body, Carrier, Fault, Incoming, Opening, Step};
-use wrapyfi_yarp::{Dialect, Limits};
+use wrapyfi_yarp::wire::{Body, Carrier, Fault, Incoming, Opening, Progress};
+use wrapyfi_yarp::{Dialect, WireLimits};
 
 use crate::bounded;
 
-fn limits() -> Limits {
-    Limits { max_message_bytes: 1 << 16, max_line_bytes: 1 << 12, ..Limits::default() }
+fn limits() -> WireLimits {
+    WireLimits { max_message_bytes: 1 << 16, max_line_bytes: 1 << 12, ..WireLimits::default() }
 }
 
 /// A connection to a port, from its first byte; bit 7 of the byte in front chooses the answer of a
@@ -53,13 +53,13 @@ fn read<'a, T>(
     mut bytes: &'a [u8],
     piece: usize,
     buffer: &mut BytesMut,
-    mut poll: impl FnMut(&mut BytesMut) -> Result<Step<T>, Fault>,
+    mut poll: impl FnMut(&mut BytesMut) -> Result<Progress<T>, Fault>,
     mut event: impl FnMut(T),
 ) -> &'a [u8] {
     loop {
         match poll(buffer) {
-            Ok(Step::Event(found)) => event(found),
-            Ok(Step::Need(more)) => {
+            Ok(Progress::Event(found)) => event(found),
+            Ok(Progress::Need(more)) => {
                 let most = limits().max_message_bytes + MAX_HEAD;
                 assert!((1..=most).contains(&more), "a reader asks for {more} bytes");
                 if bytes.is_empty() {
@@ -79,13 +79,13 @@ fn connection(bytes: &[u8], piece: usize) {
     let (mut rest, mut opening) = (bytes, None);
     while opening.is_none() {
         match Opening::poll(&mut buffer, &limits()) {
-            Ok(Step::Event(found)) => opening = Some(found),
-            Ok(Step::Need(_)) if !rest.is_empty() => {
+            Ok(Progress::Event(found)) => opening = Some(found),
+            Ok(Progress::Need(_)) if !rest.is_empty() => {
                 let (now, later) = rest.split_at(piece.min(rest.len()));
                 buffer.extend_from_slice(now);
                 rest = later;
             }
-            Ok(Step::Need(_)) | Err(_) => return,
+            Ok(Progress::Need(_)) | Err(_) => return,
         }
     }
     match opening {
@@ -125,20 +125,20 @@ fn connection(bytes: &[u8], piece: usize) {
 fn again(incoming: &Incoming) {
     let Incoming { command, body } = incoming;
     match body {
-        Body::Binary(payload) => {
+        Body::Binary(payload) | Body::File(payload) => {
             let written = message::whole(command, payload).unwrap();
-            let wide = Limits { max_message_bytes: written.len(), ..limits() };
+            let wide = WireLimits { max_message_bytes: written.len(), ..limits() };
             let mut reader = MessageReader::new(&wide);
             let found = reader.poll(&mut BytesMut::from(&written[..]));
-            assert_eq!(found, Ok(Step::Event(Found::Message(incoming.clone()))));
+            assert_eq!(found, Ok(Progress::Event(Found::Message(incoming.clone()))));
         }
         Body::Text(payload) => {
             let payload = command.has_payload().then_some(&payload[..]);
             let written = text::message(command, payload);
-            let wide = Limits { max_line_bytes: 4 * limits().max_line_bytes, ..limits() };
+            let wide = WireLimits { max_line_bytes: 4 * limits().max_line_bytes, ..limits() };
             let mut reader = TextReader::new(&wide);
             let found = reader.poll(&mut BytesMut::from(&written[..]));
-            let Ok(Step::Event(found)) = found else { panic!("{found:?}") };
+            let Ok(Progress::Event(found)) = found else { panic!("{found:?}") };
             assert_eq!(found.command, *command);
         }
     }

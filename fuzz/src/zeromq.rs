@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use bytes::Bytes;
-use wrapyfi_zeromq::{Answer, offline};
+use wrapyfi_zeromq::{PortHolder, offline};
 
 use crate::bounded;
 
@@ -21,7 +21,7 @@ pub fn zeromq_probe(data: &[u8]) {
     let answer = bounded(data.len(), 16, || offline::port_answer(data));
     let text = answer.to_string();
     assert!(text.len() < 256 && text.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{text:?}");
-    if let Answer::Socket(kind) = answer {
+    if let PortHolder::Socket(kind) = answer {
         assert!(data.len() > 64 + kind.len() / 4, "more than was said");
     }
 }

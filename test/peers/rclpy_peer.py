@@ -5,11 +5,14 @@
     rclpy_peer.py subscribe --topic /x --type std_msgs/msg/String [--count N]
     rclpy_peer.py serve     --topic /x --type std_srvs/srv/SetBool --value '{"message": "=request.data"}'
     rclpy_peer.py call      --topic /x --type std_srvs/srv/SetBool --value '{"data": true}'
+    rclpy_peer.py achieve   --topic /x --type test_msgs/action/Fibonacci         a server of the action
+    rclpy_peer.py send      --topic /x --type test_msgs/action/Fibonacci --value '{"order": 3}' [--count N] [--cancel]
     rclpy_peer.py params    --value '{"rate": 30}'               a node that has these parameters
 
 In a published value {n} stands for the number of the message; in a reply = is an expression. Lines on stdout:
 {"event": "ready"}, then {"event": "message", "index", "value", "sha256"}: the fields, and the digest of them as
-JSON; `reply` where it called. A publisher waits for a subscription.
+JSON; `reply` where it called. A publisher waits for a subscription. The server gives feedback as many times as the
+goal's order says, rejects a negative one, aborts at 0, and cancels all but 13. Goals are cancelled at the first feedback.
 """
 import argparse
 import hashlib
@@ -19,7 +22,7 @@ import random
 import string
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "serve", "call", "params"])
+parser.add_argument("role", choices=["publish", "subscribe", "serve", "call", "achieve", "send", "params"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/msg/String")
 parser.add_argument("--value")
@@ -27,9 +30,13 @@ parser.add_argument("--node", default="rclpy_peer")
 parser.add_argument("--qos", default="reliable", choices=["reliable", "best_effort", "latched"])
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
 parser.add_argument("--rate", type=float, default=20.0)
+parser.add_argument("--cancel", action="store_true")
 args = parser.parse_args()
 
 import rclpy  # noqa: E402
+import rclpy.action  # noqa: E402
+import rclpy.callback_groups  # noqa: E402
+import rclpy.executors  # noqa: E402
 import rclpy.node  # noqa: E402
 import rclpy.qos  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
@@ -185,6 +192,76 @@ def call(node):
         say("reply", **facts(future.result()))
 
 
+def achieve(node):
+    kind = interface(args.type)
+
+    def execute(goal):
+        order = goal.request.order
+        say("goal", **facts(goal.request))
+        sequence = [0, 1]
+        for _ in range(order):
+            if goal.is_cancel_requested:
+                goal.canceled()
+                return kind.Result(sequence=sequence)
+            sequence.append(sequence[-1] + sequence[-2])
+            goal.publish_feedback(kind.Feedback(sequence=sequence))
+            leaving.wait(1 / args.rate)
+        goal.abort() if order == 0 else goal.succeed()
+        return kind.Result(sequence=sequence)
+
+    def judge(request):
+        response = rclpy.action.GoalResponse
+        return response.REJECT if request.order < 0 else response.ACCEPT
+
+    def cancel(goal):
+        response = rclpy.action.CancelResponse
+        return response.REJECT if goal.request.order == 13 else response.ACCEPT
+
+    rclpy.action.ActionServer(node, kind, args.topic, execute, goal_callback=judge, cancel_callback=cancel,
+                              callback_group=rclpy.callback_groups.ReentrantCallbackGroup())
+    executor = rclpy.executors.MultiThreadedExecutor(8)
+    executor.add_node(node)
+    say("ready")
+    while not leaving.is_set():
+        executor.spin_once(timeout_sec=0.1)
+
+
+def send(node):
+    kind = interface(args.type)
+    client = rclpy.action.ActionClient(node, kind, args.topic)
+    say("ready")
+    while not client.wait_for_server(timeout_sec=0.1):
+        if leaving.is_set():
+            return
+    goal = set_fields(kind.Goal(), json.loads(args.value or "{}"))
+    handles, ended = {}, []
+
+    def progress(number, feedback):
+        say("feedback", number=number, **facts(feedback))
+        if args.cancel and number in handles and not handles[number][1]:
+            handles[number][1] = True
+            asked = handles[number][0].cancel_goal_async()
+            asked.add_done_callback(lambda done: say("cancel", code=done.result().return_code))
+
+    def begin(number, handle):
+        say("accepted" if handle.accepted else "rejected", number=number)
+        if not handle.accepted:
+            ended.append(number)
+            return
+        handles[number] = [handle, False]
+        handle.get_result_async().add_done_callback(lambda done: end(number, done.result()))
+
+    def end(number, result):
+        say("ended", number=number, status=result.status, **facts(result.result))
+        ended.append(number)
+
+    for number in range(max(args.count, 1)):
+        future = client.send_goal_async(goal, lambda it, number=number: progress(number, it.feedback))
+        future.add_done_callback(lambda done, number=number: begin(number, done.result()))
+    while not leaving.is_set() and len(ended) < max(args.count, 1):
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
 def params(node):
     for name, value in json.loads(args.value).items():
         node.declare_parameter(name, value)
@@ -201,6 +278,7 @@ def told(parameters):
     return SetParametersResult(successful=True)
 
 
-{"publish": publish, "subscribe": subscribe, "serve": serve, "call": call, "params": params}[args.role](
+{"publish": publish, "subscribe": subscribe, "serve": serve, "call": call, "achieve": achieve, "send": send,
+ "params": params}[args.role](
     rclpy.node.Node(args.node))
 leave()

@@ -29,6 +29,11 @@ impl Route {
             .with("type", &quoted(kind))
     }
 
+    /// A route of an action with its server at one endpoint, offered at another; its type is learned.
+    pub fn action(action: &str, offered: &str) -> Self {
+        Self { pairs: Vec::new() }.with("action", &quoted(action)).with("as", &quoted(offered))
+    }
+
     /// Adds a key; `value` is YAML.
     #[must_use]
     pub fn with(mut self, key: &str, value: &str) -> Self {
@@ -65,7 +70,7 @@ impl Config {
         }
     }
 
-    /// ZeroMQ on these loopback ports, where somebody else's broker runs.
+    /// ZeroMQ on these loopback ports, where another program's broker runs.
     pub fn foreign(pub_port: u16, sub_port: u16) -> Self {
         Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
     }

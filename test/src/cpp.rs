@@ -33,6 +33,8 @@ pub(crate) struct Peer {
     /// Lines that compile where the library is there, in the version that is wanted.
     probe: &'static str,
     libraries: &'static [&'static str],
+    /// Variable with the folder where the library is installed, where that is not the system's.
+    prefix: Option<&'static str>,
     /// Library or program that is missing elsewhere, and its remedy.
     missing: &'static str,
     found: OnceLock<Found>,
@@ -45,6 +47,7 @@ pub(crate) static FAST_DDS: Peer = Peer {
     probe: "#include <fastdds/dds/domain/DomainParticipant.hpp>\n\
             #include <fastrtps/utils/IPLocator.h>\n",
     libraries: &["-lfastrtps", "-lfastcdr"],
+    prefix: None,
     missing: "no Fast DDS 2 for C++ (Debian 12: libfastrtps-dev, libfastcdr-dev); run `make test` \
               where the system has it",
     found: OnceLock::new(),
@@ -65,8 +68,41 @@ pub(crate) static ROSCPP: Peer = Peer {
         "-lboost_system",
         "-lboost_thread",
     ],
+    prefix: None,
     missing: "no roscpp (Debian 12: libroscpp-dev, libsensor-msgs-dev, libstd-msgs-dev, \
               libstd-srvs-dev); run `make test` where the system has it",
+    found: OnceLock::new(),
+};
+
+/// The node of actionlib in C++.
+pub(crate) static ACTIONLIB: Peer = Peer {
+    name: "actionlib_cpp",
+    files: &["main.cpp", "../ros1_cpp/talk.hpp"],
+    probe: "#include <actionlib/TestAction.h>\n#include <actionlib/server/simple_action_server.h>\n",
+    libraries: &[
+        "-lactionlib",
+        "-lroscpp",
+        "-lroscpp_serialization",
+        "-lrosconsole",
+        "-lrostime",
+        "-lcpp_common",
+        "-lboost_system",
+        "-lboost_thread",
+    ],
+    prefix: None,
+    missing: "no actionlib for C++ (Debian 12: libactionlib-dev); run `make test` where the system \
+              has it",
+    found: OnceLock::new(),
+};
+
+/// The robot of YARP.
+pub(crate) static YARP: Peer = Peer {
+    name: "yarp_robot",
+    files: &["main.cpp"],
+    probe: "#include <yarp/os/RpcServer.h>\n",
+    libraries: &["-lYARP_init", "-lYARP_os"],
+    prefix: Some("WRAPYFI_YARP_PREFIX"),
+    missing: "no headers of YARP: neither below WRAPYFI_YARP_PREFIX nor of the system",
     found: OnceLock::new(),
 };
 
@@ -87,7 +123,7 @@ impl Peer {
         })
     }
 
-    /// True where this system has nothing to compile it with, so that nobody can be blamed.
+    /// True where this system has nothing to compile it with, so that its absence is no fault.
     pub(crate) fn lacks_library(&self) -> bool {
         matches!(self.program(), Err(Absent::Library(_)))
     }
@@ -125,10 +161,22 @@ impl Peer {
         Ok((sources.join("main.cpp"), folder.join(hash.get(..16).unwrap_or(&hash))))
     }
 
+    /// The compiler, which finds the library.
+    fn compiler(&self) -> Command {
+        let mut command = compiler();
+        if let Some(prefix) = self.prefix.and_then(std::env::var_os) {
+            let folder = |name: &str| Path::new(&prefix).join(name).display().to_string();
+            let library = folder("lib");
+            command.args([format!("-I{}", folder("include")), format!("-L{library}")]);
+            command.arg(format!("-Wl,-rpath,{library}"));
+        }
+        command
+    }
+
     fn has_library(&self, program: &Path) -> Result<bool> {
         let probe = program.with_extension(format!("{}.hpp", std::process::id()));
         std::fs::write(&probe, self.probe)?;
-        let ran = compiler().args(["-x", "c++", "-E", "-o", "/dev/null"]).arg(&probe).output();
+        let ran = self.compiler().args(["-x", "c++", "-E", "-o", "/dev/null"]).arg(&probe).output();
         std::fs::remove_file(&probe)?;
         Ok(ran.context("starting the C++ compiler")?.status.success())
     }
@@ -141,7 +189,7 @@ impl Peer {
             return Ok(());
         }
         let unfinished = program.with_extension("part");
-        let mut command = compiler();
+        let mut command = self.compiler();
         command.args(["-std=c++17", "-O1", "-o"]).arg(&unfinished).arg(source);
         command.args(self.libraries).arg("-pthread");
         let ran = command.output().context("starting the C++ compiler")?;

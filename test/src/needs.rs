@@ -29,6 +29,12 @@ pub enum Need {
     /// ROS 1 as Debian has it: rosmaster, rospy and the tools. Some systems have none: tests that need
     /// it are skipped there, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Ros1,
+    /// actionlib in Python beside that. Some systems have none: tests that need it are skipped there, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    Actionlib,
+    /// A compiler and actionlib in C++. Some systems have none: tests that need it are skipped there, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    ActionlibCpp,
     /// Network namespaces that can be joined, as root may make them. The test is skipped if they cannot
     /// be made, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Hosts,
@@ -52,6 +58,8 @@ pub enum Need {
     Chromium,
     /// YARP's tools.
     Yarp,
+    /// A compiler and YARP for C++. The test is skipped without, whatever is required.
+    YarpCpp,
     /// This device of that YARP. Those that are not built are skipped, whatever is required.
     YarpDevice(&'static str),
 }
@@ -66,10 +74,15 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
             let is_required = match need {
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
                 Need::Ros1 => has_package("python3-rospy"),
+                Need::Actionlib => has_package("python3-actionlib"),
+                Need::ActionlibCpp => {
+                    !cpp::ACTIONLIB.lacks_library() || has_package("libactionlib-dev")
+                }
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
                 Need::Kilted => Installation::has_wheels(),
                 Need::Hosts | Need::Chromium | Need::Rmw => false,
-                Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => false,
+                Need::Ros2Package(_) | Need::WrapyfiOnRos2 => false,
+                Need::YarpCpp | Need::YarpDevice(_) => false,
                 _ => true,
             };
             let variable = match need {
@@ -96,6 +109,8 @@ fn check(need: Need) -> Result {
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),
+        Need::Actionlib => actionlib(),
+        Need::ActionlibCpp => cpp::ACTIONLIB.or_why_not().map(drop),
         Need::Hosts => hosts::or_why_not(),
         Need::Chromium => chromium().map(drop),
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
@@ -108,6 +123,7 @@ fn check(need: Need) -> Result {
         Need::Ros2Package(name) => bail!("this ROS 2 has no package {name}"),
         Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
         Need::Yarp => installation::yarp_tools().map(drop),
+        Need::YarpCpp => cpp::YARP.or_why_not().map(drop),
         Need::YarpDevice(name) => installation::yarp_device(name),
     }
 }
@@ -131,6 +147,16 @@ fn has_package(name: &str) -> bool {
 fn ros1() -> Result {
     static FOUND: OnceLock<std::result::Result<(), String>> = OnceLock::new();
     FOUND.get_or_init(find_ros1).clone().map_err(anyhow::Error::msg)
+}
+
+fn actionlib() -> Result {
+    let ran = Command::new(SYSTEM_PYTHON).args(["-c", "import actionlib.msg"]).output()?;
+    if !ran.status.success() {
+        bail!(
+            "no actionlib (Debian 12: python3-actionlib); run `make test` where the system has it"
+        );
+    }
+    Ok(())
 }
 
 fn find_ros1() -> std::result::Result<(), String> {

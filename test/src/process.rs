@@ -39,7 +39,7 @@ impl Output {
 }
 
 #[derive(Debug, Default)]
-pub(crate) struct Shared {
+pub(crate) struct ProcessState {
     name: String,
     output: Mutex<Output>,
     changed: Condvar,
@@ -48,9 +48,9 @@ pub(crate) struct Shared {
 }
 
 /// Processes that the rest of a test depends on: where one ends early, every wait ends at once.
-pub(crate) type Pillars = Arc<Mutex<Vec<Arc<Shared>>>>;
+pub(crate) type Pillars = Arc<Mutex<Vec<Arc<ProcessState>>>>;
 
-impl Shared {
+impl ProcessState {
     fn lock(&self) -> MutexGuard<'_, Output> {
         lock(&self.output)
     }
@@ -67,7 +67,7 @@ pub struct Process {
     name: String,
     child: Child,
     stdin: Option<ChildStdin>,
-    shared: Arc<Shared>,
+    shared: Arc<ProcessState>,
     pillars: Pillars,
     /// Signal that asks the process to end.
     end: Signal,
@@ -80,10 +80,10 @@ impl Process {
         // Programs that it starts are ended with it: Wrapyfi's scripts leave their brokers behind.
         command.process_group(0);
         let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ProcessState {
             name: name.to_owned(),
             should_run: true.into(),
-            ..Shared::default()
+            ..ProcessState::default()
         });
         shared.lock().open = 2;
         if let Some(stream) = child.stdout.take() {
@@ -311,7 +311,7 @@ impl Process {
             .with_context(|| format!("signalling {}", self.name))
     }
 
-    /// Sends SIGKILL and waits for the end: the process tells nobody.
+    /// Sends SIGKILL and waits for the end: the process cannot announce it.
     pub fn kill(&mut self) -> Result {
         self.shared.should_run.store(false, Relaxed);
         self.child.kill().with_context(|| format!("killing {}", self.name))?;
@@ -387,7 +387,7 @@ impl Drop for Process {
             let _status: std::io::Result<_> = self.child.wait();
         }
         let group = rustix::process::Pid::from_child(&self.child);
-        // Nobody is left in most groups.
+        // Most groups have no process left.
         let _killed: rustix::io::Result<()> =
             rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
     }
@@ -395,7 +395,7 @@ impl Drop for Process {
 
 fn read_along(
     stream: impl Read + Send + 'static,
-    shared: &Arc<Shared>,
+    shared: &Arc<ProcessState>,
     lines: impl Fn(&mut Output) -> &mut Vec<String> + Send + 'static,
 ) {
     let shared = Arc::clone(shared);

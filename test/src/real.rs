@@ -68,12 +68,21 @@ impl<'w> RealRos2<'w> {
     /// Starts a node of rclpy from `test/peers/rclpy_peer.py`; `args` are split at blanks, `value` is its
     /// `--value` as it is.
     pub fn rclpy(&self, args: &str, value: Option<&str>) -> Result<Process> {
-        let file = repository().join("test/peers/rclpy_peer.py").into_os_string();
+        self.peer("rclpy_peer.py", args, value)
+    }
+
+    /// Starts a server or a client of actions on rclpy: `test/peers/rclpy_actions.py`.
+    pub fn rclpy_actions(&self, args: &str) -> Result<Process> {
+        self.peer("rclpy_actions.py", args, None)
+    }
+
+    fn peer(&self, script: &str, args: &str, value: Option<&str>) -> Result<Process> {
+        let file = repository().join("test/peers").join(script).into_os_string();
         let split = args.split_whitespace().map(OsString::from);
         let value = value.into_iter().flat_map(|value| ["--value".into(), value.into()]);
         let all = std::iter::once(file).chain(split).chain(value);
         let command = self.command(&self.installation.python, all)?;
-        self.env.start("rclpy_peer.py", command)
+        self.env.start(script, command)
     }
 
     /// Starts `wrapyfi` where this ROS 2 is sourced.
@@ -89,7 +98,7 @@ impl<'w> RealRos2<'w> {
         Ok(self.env.start(name, self.command(&program, args)?)?.pillar())
     }
 
-    /// Starts a line of the shell, as somebody types it who has sourced this ROS 2 with our packages.
+    /// Starts a line of the shell, as a user types it who has sourced this ROS 2 with our packages.
     pub fn shell(&self, line: &str) -> Result<Process> {
         let command = self.command(Path::new("bash"), ["-c", line])?;
         Ok(self.env.start(line, command)?.ends_at_interrupt())
@@ -119,7 +128,7 @@ impl<'w> RealRos2<'w> {
         command.envs(&self.installation.environment);
         for (name, value) in [
             ("RMW_IMPLEMENTATION", self.rmw),
-            // Setup files set the subnet: Fast DDS would look for nobody by unicast.
+            // Setup files set the subnet: Fast DDS would look for no peer by unicast.
             ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
             ("PYTHONUNBUFFERED", "1"),
             ("PYTHONUTF8", "1"),

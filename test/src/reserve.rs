@@ -25,6 +25,7 @@ pub(crate) fn port() -> Result<Reserved> {
     first_free("port", 20_000, 12_000, |port| TcpListener::bind(("127.0.0.1", port)).is_ok())
 }
 
+/// The tests of the crates lock the same files (`crates/wrapyfi_conformance/src/reserve.rs`).
 fn first_free(
     kind: &str,
     first: u16,
@@ -32,7 +33,7 @@ fn first_free(
     usable: impl Fn(u16) -> bool,
 ) -> Result<Reserved> {
     static TURN: AtomicU32 = AtomicU32::new(0);
-    let folder = std::env::temp_dir().join("wrapyfi_e2e_reserved");
+    let folder = std::env::temp_dir().join("wrapyfi_test_reserved");
     std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
     // Neighbouring runs start far apart, so that they rarely meet.
     let start =

@@ -243,7 +243,7 @@ impl TestEnv {
         Config::embedded(self.pub_port(), self.sub_port())
     }
 
-    /// A configuration that uses somebody else's broker on this test's ports.
+    /// A configuration that uses another program's broker on this test's ports.
     pub fn foreign(&self) -> Config {
         Config::foreign(self.pub_port(), self.sub_port())
     }
@@ -348,14 +348,37 @@ impl TestEnv {
         self.start("rospy_peer.py", self.rospy_command(args, value))
     }
 
+    /// Starts a server or a client of actions on rospy's actionlib: `test/peers/rospy_actions.py`.
+    pub fn rospy_actions(&self, args: &str) -> Result<Process> {
+        self.start("rospy_actions.py", self.system_python("rospy_actions.py", args, None))
+    }
+
     pub(crate) fn rospy_command(&self, args: &str, value: Option<&str>) -> Command {
-        let file = repository().join("test/peers/rospy_peer.py").into_os_string();
+        self.system_python("rospy_peer.py", args, value)
+    }
+
+    fn system_python(&self, file: &str, args: &str, value: Option<&str>) -> Command {
+        let file = repository().join("test/peers").join(file).into_os_string();
         let mut all: Vec<std::ffi::OsString> = vec![file];
         all.extend(args.split_whitespace().map(Into::into));
         if let Some(value) = value {
             all.extend(["--value".into(), value.into()]);
         }
         self.command(Path::new(programs::SYSTEM_PYTHON), all)
+    }
+
+    /// Starts a server or a client of actionlib in Python; `args` are split at blanks.
+    pub fn actionlib(&self, args: &str) -> Result<Process> {
+        let file = repository().join("test/peers/actionlib_peer.py");
+        let file = file.to_string_lossy().into_owned();
+        let args = std::iter::once(file.as_str()).chain(args.split_whitespace());
+        self.start("actionlib_peer.py", self.command(Path::new(programs::SYSTEM_PYTHON), args))
+    }
+
+    /// As [`TestEnv::actionlib`], in C++.
+    pub fn actionlib_cpp(&self, args: &str) -> Result<Process> {
+        let command = self.command(&cpp::ACTIONLIB.or_why_not()?, args.split_whitespace());
+        self.start("actionlib_cpp", command)
     }
 
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
@@ -428,6 +451,13 @@ impl TestEnv {
         Ok(command)
     }
 
+    /// Starts the robot of YARP, whose rpc port has this name.
+    pub fn yarp_robot(&self, port: &str) -> Result<Process> {
+        let mut command = self.command(&cpp::YARP.or_why_not()?, [port]);
+        command.env("YARP_FORWARD_LOG_ENABLE", "0").env("YARP_COLORED_OUTPUT", "0");
+        self.start("yarp_robot", command)
+    }
+
     /// Starts the interpreter that has Wrapyfi.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
         let mut command = self.command(&programs::python()?, args);
@@ -446,7 +476,7 @@ impl TestEnv {
         self.start("chromium", command)
     }
 
-    /// Starts a line of the shell, as somebody types it who has our programs and the Python peers on the `PATH`.
+    /// Starts a line of the shell, as a user types it who has our programs and the Python peers on the `PATH`.
     pub fn shell(&self, line: &str) -> Result<Process> {
         let mut command = self.command(Path::new("bash"), ["-c", line]);
         // As `make build` and colcon leave them: links beside the program.

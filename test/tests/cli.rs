@@ -246,7 +246,7 @@ fn bad_usage_is_two() -> Result {
     })
 }
 
-/// `wrapyfi … | head`: whoever has seen enough is no fault of the command.
+/// `wrapyfi … | head`: a reader that has seen enough is no fault of the command.
 #[test]
 fn a_reader_that_went_is_no_complaint() -> Result {
     run("a_reader_that_went_is_no_complaint", PROGRAM, |env| {
@@ -355,7 +355,7 @@ fn an_address_of_its_own_is_for_middlewares_that_tell_it() -> Result {
             env.wrapyfi(["echo", endpoint, "--type", "Image", "--ip", ip])
         };
         complains(&mut ip("yarp:/x", "10.0.0")?, &[2], &["--ip", "write it as 192.168.1.7"])?;
-        let words = ["--ip and --insecure are for yarp and ros"];
+        let words = ["--ip and --insecure are for ros and yarp"];
         complains(&mut ip("ros2:/x", "192.0.2.7")?, &[2], &words)?;
         let words = [words[0], "WRAPYFI_ZEROMQ_SOCKET_IP"];
         complains(&mut ip("zeromq:/x", "192.0.2.7")?, &[2], &words)?;
@@ -405,7 +405,7 @@ fn echo_and_pub_speak_ros() -> Result {
     })
 }
 
-/// Nobody has the topic: it is said, and the type is learned when somebody comes.
+/// No program has the topic: it is said, and the type is learned when a program comes.
 #[test]
 fn echo_without_a_type_tells_that_nobody_announces_one() -> Result {
     run("echo_without_a_type_tells_that_nobody_announces_one", PROGRAM, |env| {

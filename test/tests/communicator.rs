@@ -3,11 +3,14 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_e2e::{Need, Process, Result, TIMEOUT, TestEnv, run, texts};
+use wrapyfi_e2e::{Need, Process, RealRos2, Result, TIMEOUT, TestEnv, run, texts};
+
+use super::actions::{FIBONACCI, end, kilted};
 
 const HELLO: &[Need] = &[Need::Program, Need::Python, Need::Example("hello_world")];
 const EXCHANGE: &[Need] = &[Need::Program, Need::Python, Need::Example("exchange")];
 const FORWARDING: &[Need] = &[Need::Program, Need::Python, Need::Example("forwarding")];
+const ACTION: &[Need] = &[Need::Program, Need::Example("fibonacci"), Need::Kilted];
 const CHANNELING: &[Need] = &[Need::Program, Need::Python, Need::Example("channeling")];
 
 /// Waits for these lines, in this order, whatever is between.
@@ -400,5 +403,63 @@ fn a_rust_receiver_hears_a_python_channel() -> Result {
         let heard = listener.messages(1)?;
         assert_eq!(heard[0]["sound"]["shape"], serde_json::json!([8820, 1]));
         publisher.event("message").map(drop)
+    })
+}
+
+/// Runs the sync method of an action, then the async one, each on an action of its own; both know the type of rclpy's peers.
+fn action(test: &str, body: impl Fn(&TestEnv, &RealRos2<'_>, &str, &str) -> Result) -> Result {
+    run(test, ACTION, |env| {
+        let ros = kilted(env)?;
+        let (file, text) = FIBONACCI;
+        let index = "share/ament_index/resource_index/rosidl_interfaces/test_msgs";
+        let files = [(&*format!("share/{file}"), text), (index, "action/Fibonacci.action\n")];
+        env.set_variable("AMENT_PREFIX_PATH", env.definitions(&files)?);
+        for how in ["", "--asynchronous"] {
+            let action = env.topic(if how.is_empty() { "sync" } else { "async" });
+            let args = format!("--action {action} --kind test_msgs/action/Fibonacci {how}");
+            body(env, &ros, &action, &args)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_client_of_rclpy_runs_a_registered_action() -> Result {
+    action("a_client_of_rclpy_runs_a_registered_action", |env, ros, action, args| {
+        let server = env.example("fibonacci", &format!("--mode reply {args}"))?;
+        let client = ros.rclpy_actions(&format!("send --action {action} --order 6"))?;
+        let told = end(&client, 0).map_err(|error| error.context(server.tail()))?;
+        assert_eq!(told["state"], "succeeded", "{told}");
+        assert_eq!(told["sequence"], serde_json::json!([0, 1, 1, 2, 3, 5, 8, 13]));
+        assert_eq!(client.event("feedback")?["sequence"], serde_json::json!([0, 1, 1]));
+        let client =
+            ros.rclpy_actions(&format!("send --action {action} --order 4000 --cancel-after 3"))?;
+        let told = end(&client, 0).map_err(|error| error.context(server.tail()))?;
+        assert_eq!(told["state"], "canceled", "{told}");
+        assert!(told["sequence"].as_array().is_some_and(|numbers| numbers.len() >= 5), "{told}");
+        assert_eq!(client.event("canceling")?["code"], 0);
+        Ok(())
+    })
+}
+
+#[test]
+fn a_registered_action_drives_a_server_of_rclpy() -> Result {
+    action("a_registered_action_drives_a_server_of_rclpy", |env, ros, action, args| {
+        let server = ros.rclpy_actions(&format!("serve --action {action}"))?;
+        server.event("ready")?;
+        let mut client = env.example("fibonacci", &format!("--mode request --order 6 {args}"))?;
+        let told = client.event("end").map_err(|error| error.context(server.tail()))?;
+        assert_eq!(told["sequence"], serde_json::json!([0, 1, 1, 2, 3, 5, 8, 13]));
+        assert_eq!(client.event("feedback")?["sequence"], serde_json::json!([0, 1, 1]));
+        client.exits_with(0)?;
+        // Its future is dropped, or its wait is ended by another thread.
+        let given_up = format!("--mode request --order 4000 --cancel-after 3 {args}");
+        let mut client = env.example("fibonacci", &given_up)?;
+        let told = client.event("end").map_err(|error| error.context(server.tail()))?;
+        assert!(told["sequence"].is_null(), "{told}");
+        client.exits_with(0)?;
+        server.wait_until("the goal is cancelled", |output| {
+            output.events("end").iter().find(|end| end["state"] == "canceled").map(drop)
+        })
     })
 }

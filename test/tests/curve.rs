@@ -68,14 +68,14 @@ fn sockets_of_pyzmq_have_what_the_list_says() -> Result {
             let _wrong = socket(env, "sub", &to, "robot", "stranger")?;
             logged(&bridge, &["curve", "made for another server key"])?;
         }
-        // The route listens to it: a PUB sends nothing that nobody wants.
+        // The route listens to it: a PUB sends nothing that no program wants.
         let _wanted = socket(env, "sub", &to, "robot", "broker")?;
         let _forger = socket(env, "pub", &to, "robot", "broker")?;
         logged(&bridge, &["may not publish", &to])
     })
 }
 
-/// Whoever was refused before: the state of a route names the last, with the line that would let it in.
+/// The program that was refused last: the state of a route names the last, with the line that would let it in.
 #[test]
 fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
     run("who_is_refused_is_named_with_the_line_that_lets_it_in", NEEDS, |env| {
@@ -190,7 +190,7 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         let said = check.stderr();
         // No line of the file has it.
         assert!(said.contains("bridge.yaml: WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{said}");
-        // Nobody is sent to the broker for what is wrong here, nor to a bridge that would not start.
+        // The user is not sent to the broker for what is wrong here, nor to a bridge that would not start.
         let told = why()?;
         assert!(told.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{told}");
         let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject");

@@ -1,4 +1,4 @@
-//! Finds of `wrapyfi list`, and topics of types that nobody compiled in: real nodes and real
+//! Finds of `wrapyfi list`, and topics of types that are not compiled in: real nodes and real
 //! Wrapyfi scripts on the other side.
 
 use serde_json::{Value, json};
@@ -105,7 +105,7 @@ fn list_shows_wrapyfi_scripts_through_our_broker() -> Result {
     })
 }
 
-/// Looking must not make a publisher believe that somebody listens.
+/// A look must not make a publisher believe that a program listens.
 #[test]
 fn looking_is_no_listening() -> Result {
     run("looking_is_no_listening", NEEDS, |env| {
@@ -310,7 +310,7 @@ fn echo_says_that_it_waits_for_a_broker() -> Result {
     })
 }
 
-/// Wrapyfi's publishers send nothing until somebody names their topic.
+/// Wrapyfi's publishers send nothing until a program names their topic.
 #[test]
 fn echo_without_a_type_is_a_listener_that_publishers_wait_for() -> Result {
     run("echo_without_a_type_is_a_listener_that_publishers_wait_for", NEEDS, |env| {

@@ -184,7 +184,7 @@ fn what_cyclonedds_cannot_start_with_ends_with_one_line() -> Result {
     })
 }
 
-/// A name among the peers that does not resolve keeps nobody from the others, and no command from its end.
+/// A name among the peers that does not resolve keeps no program from the others, and no command from its end.
 #[test]
 fn a_peer_that_does_not_resolve_holds_nothing_up() -> Result {
     run("a_peer_that_does_not_resolve_holds_nothing_up", &[Need::Program], |env| {

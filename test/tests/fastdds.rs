@@ -461,8 +461,10 @@ fn a_reader_on_fast_dds_that_was_killed_does_not_hold_up_the_others() -> Result 
         let words = ["pub", &zeromq(&from), "--type", "NativeObject", "--rate", "10", "--file"];
         let _source = env.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
         let count = |output: &Output| output.events("message").len();
+        // At ten a second, the killed one lives for two of the announcements that Fast DDS makes every three seconds: the
+        // name of a node that dies before cannot be known.
         for reader in [&killed, &other] {
-            let some = |output: &Output| (count(output) > 3).then_some(());
+            let some = |output: &Output| (count(output) > 70).then_some(());
             reader.wait_until("messages", some).map_err(|e| e.context(bridge.tail()))?;
         }
         killed.kill()?;
@@ -482,7 +484,7 @@ fn a_reader_on_fast_dds_that_was_killed_does_not_hold_up_the_others() -> Result 
     })
 }
 
-/// Readers on CycloneDDS wait for nobody.
+/// Readers on CycloneDDS wait for no other reader.
 #[test]
 fn large_messages_to_cyclonedds_are_not_held_up() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();

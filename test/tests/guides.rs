@@ -8,6 +8,8 @@ use wrapyfi_e2e::{
     Guide, Line, Need, Process, RealRos2, Result, TestEnv, repository, run, same_but_times,
 };
 
+use super::actions::FIBONACCI;
+
 const SCRIPTS: &[Need] = &[Need::Program, Need::Python];
 const BUILT: &str = "it builds what this test runs";
 
@@ -64,7 +66,6 @@ fn readme() -> Result {
         for mark in ["\nmake demo\n", "make build &&"] {
             guide.pass_over(mark.trim_start_matches('\n'), BUILT)?;
         }
-        guide.pass_over("impl Mirror", "it is a part of docs/rust.md")?;
         guide.pass_over("ROS_MASTER_URI", "`ros1` runs it")?;
         guide.pass_over("yarp:/icub/head/rpc:i", "`yarp` runs it")?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` runs it")?;
@@ -170,7 +171,75 @@ fn ros2() -> Result {
         }
         let parameters = env.shell(&parameters.command)?;
         says(&parameters, &["use_sim_time"])?;
+        example_interfaces(env)?;
+        let [list, send, serve] = guide.lines("wrapyfi action list")?;
+        let _server = starts(env, &serve)?;
+        until(env, &list, &["/fibonacci", "action server", "example_interfaces/action/Fibonacci"])?;
+        assert!(done(env, &send)?.ends_with("succeeded:\n  sequence:\n  - 0\n  - 1\n  - 1"));
         guide.is_done()
+    })
+}
+
+/// Installs the package that has the action of the guides.
+fn example_interfaces(env: &TestEnv) -> Result {
+    let index = "share/ament_index/resource_index/rosidl_interfaces/example_interfaces";
+    let prefix = env.definitions(&[
+        ("share/example_interfaces/action/Fibonacci.action", FIBONACCI.1),
+        (index, "action/Fibonacci.action\n"),
+    ])?;
+    env.set_variable("AMENT_PREFIX_PATH", prefix);
+    Ok(())
+}
+
+#[test]
+fn actions() -> Result {
+    run("actions", &[Need::Program], |env| {
+        let guide = Guide::read("docs/reference/actions.md")?;
+        example_interfaces(env)?;
+        let [serve, list, info, send, cancel] = guide.lines("wrapyfi action serve")?;
+        let _server = starts(env, &serve)?;
+        for line in [list, info] {
+            let told = guide.block("text", "action server")?;
+            let shown =
+                told.lines().nth(1).and_then(|line| line.rsplit_once(' ')).unwrap_or_default();
+            until(env, &line, &[shown.0.trim()])?;
+        }
+        assert_eq!(done(env, &send)?, guide.block("text", "succeeded:")?.trim_end());
+        assert_eq!(done(env, &cancel)?, "asked for the end of all goals");
+
+        let check = |name: &str, yaml: String| -> Result {
+            env.write(name, yaml)?;
+            env.shell(&format!("wrapyfi check {name}"))?.exits_with(0)
+        };
+        check("routes.yaml", guide.block("yaml", "routes:")?)?;
+        env.definitions(&[
+            ("my_robot/action/Plan.action", FIBONACCI.1),
+            ("my_robot/action/Go.action", "float64 to\n---\n---\nfloat64 at\nbool done\n"),
+        ])?;
+        let routes = guide.block("text", "{ action: \"zeromq:/plan\"")?;
+        let routes: String = routes.lines().map(|route| format!("  - {route}\n")).collect();
+        check("functions.yaml", format!("definitions: [interfaces]\nroutes:\n{routes}"))?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn actions_of_ros1() -> Result {
+    let needs = [Need::Program, Need::Ros1, Need::Actionlib];
+    run("actions_of_ros1", &needs, |env| {
+        let _roscore = env.roscore()?;
+        example_interfaces(env)?;
+        let guide = Guide::read("docs/ros1.md")?;
+        let server = "serve --action /fibonacci --type example_interfaces/Fibonacci";
+        let _server = env.rospy_actions(server)?;
+        let _bridge = env.executable("ros1_bridge", &[])?;
+        let [list, direct, bridged] = guide.lines("wrapyfi action list ros")?;
+        until(env, &list, &["/fibonacci", "action server", "example_interfaces/Fibonacci"])?;
+        for send in [direct, bridged] {
+            let told = done(env, &send)?;
+            assert!(told.contains("feedback:") && told.ends_with("  - 5\n  - 8"), "{told}");
+        }
+        Ok(())
     })
 }
 
@@ -223,6 +292,7 @@ fn ros1() -> Result {
         done(env, &check)?;
         says(&starts(env, &bridge)?, &["a ROS 1 node that publishes /camera/image_raw"])?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` starts this launch file")?;
+        guide.pass_over("wrapyfi action list ros", "`actions_of_ros1` runs these commands")?;
         guide.pass_over("ROS_DOMAIN_ID", "`ros1_base_and_ros2_navigation` runs it")?;
         guide.is_done()
     })
@@ -317,6 +387,7 @@ fn rust() -> Result {
             "the test of `examples/communicator` compares it with the program `mirror`",
         )?;
         guide.pass_over("open_listener", "it is a part of an example in wrapyfi_core")?;
+        guide.pass_over("impl Base", "`examples/guides` compiles it")?;
         let [publish, listen] = guide.lines("cargo run -- publish")?;
         let started = |line: &Line| {
             let (_, args) = line.command.split_once("cargo run -- ")?;
@@ -352,7 +423,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) -> Result {
 fn reliability() -> Result {
     let root = repository();
     let mut files = Vec::new();
-    for folder in ["crates", "test/tests", "wrapyfi_bridge/src", "wrapyfi_core/tests"] {
+    for folder in ["crates", "test/tests", "wrapyfi_bridge/src"] {
         sources(&root.join(folder), &mut files)?;
     }
     let page = std::fs::read_to_string(root.join("docs/reliability.md"))?;
@@ -367,6 +438,65 @@ fn reliability() -> Result {
         let has = |text: String| begins.iter().any(|begin| text.contains(begin));
         let is_there = texts.any(|text| text.is_ok_and(has));
         assert!(is_there, "docs/reliability.md names {module}::{test}, which is nowhere");
+    }
+    Ok(())
+}
+
+/// Sources of the product in a folder, without tests and the demo: path from the root, and text before its unit tests.
+fn product(folder: &str) -> Result<Vec<(String, String)>> {
+    let root = repository();
+    let mut files = Vec::new();
+    sources(&root.join(folder), &mut files)?;
+    let mut found = Vec::new();
+    for file in files {
+        let path = file.strip_prefix(&root)?.display().to_string();
+        let is_test = path.ends_with("tests.rs") || path.contains("/tests/");
+        if path.contains("/src/") && !is_test && !path.contains("/demo/") {
+            let text = std::fs::read_to_string(&file)?;
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default().to_owned();
+            found.push((path, code));
+        }
+    }
+    Ok(found)
+}
+
+/// Every file that has the example of a section is in the section's list, and the list has no others.
+#[test]
+fn extending() -> Result {
+    let root = repository();
+    let page = std::fs::read_to_string(root.join("docs/extending.md"))?;
+    let variants = ["Payload", "DataType", "MessageType", "ServiceKind", "Self"];
+    let variants = variants.map(|kind| format!("{kind}::AudioChunk"));
+    let [rate, detect, module] = ["max_rate_hz", "Detect(", "mod detect"].map(str::to_owned);
+    let (keys, commands) = ([rate], [detect, module]);
+    let everywhere = ["crates", "wrapyfi_core/src", "wrapyfi_bridge/src"];
+    for (title, example, marks, folders) in [
+        ("A payload type", "AudioChunk", &variants[..], &everywhere[..]),
+        (
+            "A key of the configuration",
+            "max_rate_hz",
+            &keys[..],
+            &["crates/wrapyfi_engine/src"][..],
+        ),
+        ("A command", "etect", &commands[..], &everywhere[2..]),
+    ] {
+        let section = page.split("\n## ").find_map(|section| section.strip_prefix(title));
+        let section = section.unwrap_or_default();
+        let rows = section.lines().filter_map(|line| line.strip_prefix("| `"));
+        let files = rows.filter_map(|row| row.split(" | ").next()).flat_map(|cell| cell.split('`'));
+        let listed: Vec<_> = files.filter(|file| root.join(file).is_file()).collect();
+        assert!(listed.len() > 3, "{title}: {listed:?}");
+        for file in &listed {
+            let text = std::fs::read_to_string(root.join(file))?;
+            assert!(text.contains(example), "{title}: {file} has no {example}");
+        }
+        for folder in folders {
+            for (path, code) in product(folder)? {
+                let is_meant = marks.iter().any(|mark| code.contains(mark.as_str()));
+                let is_listed = listed.contains(&path.as_str());
+                assert!(!is_meant || is_listed, "{title}: the list lacks {path}");
+            }
+        }
     }
     Ok(())
 }

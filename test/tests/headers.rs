@@ -54,7 +54,7 @@ fn objects_with_a_header_are_read_by_wrapyfi() -> Result {
     })
 }
 
-/// Nobody else publishes or hears the clock.
+/// No other program publishes or hears the clock.
 #[test]
 fn simulated_time_that_a_bridge_brings_itself_is_its_own() -> Result {
     run("simulated_time_that_a_bridge_brings_itself_is_its_own", NEEDS, |env| {

@@ -240,7 +240,7 @@ fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
         let args =
             ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
         let _server = robot.wrapyfi(args)?;
-        // They register where nobody but their own machine reaches them.
+        // They register where only their own machine reaches them.
         let laptop = laptop.with("YARP_IP", "127.0.0.1");
         let publisher = publish(&laptop, "yarp:/cam")?;
         let server = laptop.wrapyfi(["serve", "yarp:/function", "--echo"])?;
@@ -406,14 +406,14 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
                  true }}\n"
             )
         };
-        // Also while nobody listens, a route says that there is no master.
+        // Also while no program listens, a route says that there is no master.
         let waiting = bridge(env, &laptop, &yaml("", &topic))?;
         waits(&waiting, &[robot.ip(), "roscore has to run there"])?;
         drop(waiting);
 
         let master = robot.rospy(&format!("master --port {port}"))?;
         master.event("ready")?;
-        // The robot's name is known to nobody, but its master says it.
+        // The robot's name resolves nowhere, but its master says it.
         let publisher = robot.rospy(&format!("publish --topic {topic} {HELLO}"))?;
         let heard = echo(&laptop, &endpoint, "Text")?.objects(3);
         let heard = heard.map_err(|error| error.context(publisher.tail()))?;

@@ -1,6 +1,7 @@
 //! ROS 2 Kilted around our programs: nodes of rclpy on Fast DDS 3, which tell each other their types by XTypes.
 
-use wrapyfi_e2e::{Need, RealRos2, Result, TestEnv, ros2, run};
+use serde_json::json;
+use wrapyfi_e2e::{Need, Process, RealRos2, Result, TestEnv, ros2, run};
 
 use crate::real_ros2;
 
@@ -96,5 +97,86 @@ fn every_late_node_is_heard_and_hears() -> Result {
             };
             (0..6).all(|number| heard(format!("mouth{number}"))).then_some(())
         })
+    })
+}
+
+const FIBONACCI: &str = "test_msgs/action/Fibonacci";
+
+/// Words under which `wrapyfi action send --json` tells of a goal until it says `last`, each once where it comes several
+/// times in a row.
+fn told(process: &Process, last: &str) -> Result<Vec<String>> {
+    process.wait_until(last, |output| {
+        let words = output.objects().filter_map(|it| it["goal"].as_str().map(str::to_owned));
+        let mut words: Vec<_> = words.collect();
+        words.dedup();
+        words.iter().any(|word| word == last).then_some(words)
+    })
+}
+
+#[test]
+fn actions_of_rclpy_are_driven() -> Result {
+    on_kilted("actions_of_rclpy_are_driven", |env, ros| {
+        let action = env.topic("fibonacci");
+        let at = ros2(&action);
+        let server = format!("achieve --topic {action} --type {FIBONACCI} --rate 10");
+        let server = ros.rclpy(&server, None)?;
+        server.event("ready")?;
+        let send = |order: i64| {
+            let goal = format!("{{\"order\": {order}}}");
+            let send = ["action", "send", &at, "--json", "--timeout", "60", "--value", &goal];
+            ros.wrapyfi(send)
+        };
+        let reached = ["accepted", "executing", "feedback"];
+        for (order, code, end) in [(5, 0, "succeeded"), (0, 1, "aborted"), (-1, 1, "rejected")] {
+            let mut goal = send(order)?;
+            goal.exits_with(code)?;
+            let wanted = match order {
+                5 => [&reached[..], &[end]].concat(),
+                0 => vec![reached[0], reached[1], end],
+                _ => vec![end],
+            };
+            assert_eq!(told(&goal, end)?, wanted, "{order}");
+            if order == 5 {
+                let all = goal.objects(8)?;
+                assert_eq!(all[6]["value"]["sequence"], json!([0, 1, 1, 2, 3, 5, 8]));
+                assert_eq!(all[7]["value"]["sequence"], all[6]["value"]["sequence"]);
+            }
+        }
+        // Several goals, of which one is cancelled, and one cannot be.
+        let (mut one, refused) = (send(10_000)?, send(13)?);
+        told(&one, "feedback")?;
+        told(&refused, "feedback")?;
+        one.interrupt()?;
+        refused.interrupt()?;
+        one.exits_with(1)?;
+        assert_eq!(told(&one, "canceled")?, [&reached[..], &["canceling", "canceled"]].concat());
+        told(&refused, "cancel_refused").map(drop)
+    })
+}
+
+#[test]
+fn actions_of_ours_are_driven_by_rclpy() -> Result {
+    on_kilted("actions_of_ours_are_driven_by_rclpy", |env, ros| {
+        let action = env.topic("fibonacci");
+        let at = ros2(&action);
+        let value = ["--value", r#"{"sequence": [1, 2]}"#];
+        let feedback = ["--feedback", r#"{"sequence": [7]}"#, "--every", "0.05"];
+        let serve = ["action", "serve", &at, "--type", FIBONACCI, "--json", "--seconds", "3"];
+        let _server = ros.wrapyfi([&serve[..], &value, &feedback].concat())?;
+        let kind = format!("--topic {action} --type {FIBONACCI}");
+        let client = ros.rclpy(&format!("send {kind} --count 8"), Some(r#"{"order": 3}"#))?;
+        let (ends, feedback) = client.wait_until("the ends of all", |output| {
+            let ends = output.events("ended");
+            (ends.len() == 8).then(|| (ends, output.events("feedback").len()))
+        })?;
+        for end in ends {
+            assert_eq!((&end["status"], &end["value"]["sequence"]), (&json!(4), &json!([1, 2])));
+        }
+        assert!(feedback > 20, "{feedback}");
+        let client = ros.rclpy(&format!("send {kind} --cancel"), Some(r#"{"order": 3}"#))?;
+        let end = client.event("ended")?;
+        assert_eq!((&end["status"], &end["value"]["sequence"]), (&json!(5), &json!([1, 2])));
+        assert_eq!(client.event("cancel")?["code"], 0);
+        Ok(())
     })
 }

@@ -100,7 +100,7 @@ fn a_managed_bridge_has_routes_while_it_is_active_and_ends_once_it_is_finalized(
         let activated = json!({"transition": {"id": 3}});
         assert_eq!(ask(env, &bridge, "change_state", &activated)?, json!({"success": true}));
         let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--text hello --rate 20")?;
-        // Whoever listens stays: without a listener the route waits.
+        // The program that listens stays: without a listener the route waits.
         let carries = || -> Result<Process> {
             let listener = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
             listener

@@ -105,7 +105,7 @@ fn of_two_bridges_with_opposite_routes_the_second_closes_its_own() -> Result {
     })
 }
 
-/// Nobody has to be told of a loop that is meant.
+/// A loop that is meant is not reported.
 #[test]
 fn a_route_whose_guard_is_off_stays_open() -> Result {
     run("a_route_whose_guard_is_off_stays_open", NEEDS, |env| {

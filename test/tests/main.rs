@@ -2,6 +2,7 @@
 
 #![allow(clippy::indexing_slicing, clippy::panic, reason = "in a test a panic is the right answer")]
 
+mod actions;
 mod bridge;
 mod bridge_graph;
 mod check;
@@ -10,6 +11,7 @@ mod cli;
 mod communicator;
 mod curve;
 mod discovery;
+mod documented;
 mod endings;
 mod example_sensors;
 mod examples;
@@ -17,6 +19,7 @@ mod fastdds;
 mod fastdds_services;
 mod faults;
 mod frameworks;
+mod function_actions;
 mod guides;
 mod headers;
 mod hostile;
@@ -43,6 +46,7 @@ mod reload;
 mod requests;
 mod rmw;
 mod ros1;
+mod ros1_actions;
 mod ros1_bridge;
 mod ros1_cpp;
 mod ros1_graph;

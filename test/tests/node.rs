@@ -98,7 +98,7 @@ fn parameters_types_and_log_are_on_the_graph() -> Result {
         let described = asked(env, &own("get_type_description"), kind, &request)?;
         assert_eq!(described["successful"], true, "{described}");
 
-        // Said before anybody listened.
+        // Said before the test listened.
         let mut log = env.wrapyfi(["echo", "ros2:/rosout", "--count", "1", "--json"])?;
         log.exits_with(0)?;
         let line = log.objects(1)?[0]["value"].clone();

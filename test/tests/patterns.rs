@@ -1,4 +1,4 @@
-//! Everything of one middleware in another: topics and services that nobody has written down.
+//! Everything of one middleware in another: topics and services that no configuration names.
 
 use std::time::Instant;
 
@@ -118,7 +118,7 @@ fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
         let mut echo = echo(env, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
         echo.objects(3).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
-        // The peer's messages were heard: it sends nothing that nobody subscribes to.
+        // The peer's messages were heard: it sends nothing that no program subscribes to.
         assert!(!peer.messages(3)?.is_empty());
         tells(env, "rostopic", &format!("info {topic}"), nobody)?;
 
@@ -132,7 +132,7 @@ fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
     })
 }
 
-/// A latched message waits for later listeners, though nobody listened when its route was made.
+/// A latched message waits for later listeners, though no program listened when its route was made.
 #[test]
 fn what_latches_is_kept_for_who_comes_later() -> Result {
     run("what_latches_is_kept_for_who_comes_later", ROS1_AND_DDS, |env| {
@@ -407,7 +407,7 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
     })
 }
 
-/// One topic whose type nobody has written down, and the status of what waits.
+/// One topic whose type no configuration names, and the status of what waits.
 #[test]
 fn a_route_without_a_type_learns_it() -> Result {
     run("a_route_without_a_type_learns_it", &[Need::Program, Need::Ros1], |env| {
@@ -439,7 +439,7 @@ fn a_route_without_a_type_learns_it() -> Result {
     })
 }
 
-/// The marks that a bridge gives its publishers are a parameter, which somebody else may have deleted.
+/// The marks that a bridge gives its publishers are a parameter, which another program may have deleted.
 #[test]
 fn marks_that_are_gone_are_no_fault_at_the_end() -> Result {
     run("marks_that_are_gone_are_no_fault_at_the_end", ROS1_AND_DDS, |env| {

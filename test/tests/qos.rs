@@ -31,7 +31,7 @@ fn a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too() -> Result
         let graph = env.graph()?;
         let bridge =
             env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), STRING)))?;
-        // Nobody is there: ROS 2's default profile.
+        // No program is there: ROS 2's default profile.
         let first = endpoint(&graph, "reader", &from, |_| true)?;
         assert_eq!((&first["reliable"], &first["durability"]), (&true.into(), &"Volatile".into()));
         let listener = env.wrapyfi_listener(&to, "")?;

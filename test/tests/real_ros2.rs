@@ -262,7 +262,7 @@ fn a_late_latched_subscription_gets_the_last_message(env: &TestEnv, ros: &RealRo
     echo.exits_with(0)
 }
 
-/// Types that nobody compiled into ours: found in the installation by the ament index.
+/// Types that are not compiled into ours: found in the installation by the ament index.
 pub(crate) fn ours_echoes_and_publishes_with_types_of_the_installation(
     env: &TestEnv,
     ros: &RealRos2<'_>,
@@ -527,7 +527,7 @@ fn wrapyfi_on_rclpy_talks_with_ours(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let endpoint = ros2("/hello/my_message");
     let echo = ros.wrapyfi(["echo", &endpoint, "--type", STRING, "--json", "--timeout", "100"])?;
     for n in 0..50 {
-        // Its publisher waits for somebody, but does not know whether the first message was heard.
+        // Its publisher waits for a subscriber, but does not know whether the first message was heard.
         script.tell(&format!("hello {n}"))?;
     }
     let heard = echo.objects(1).map_err(|error| error.context(script.tail()))?.remove(0);

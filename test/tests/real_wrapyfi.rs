@@ -206,7 +206,7 @@ fn all_channels_of_channeling_are_heard_by_ours() -> Result {
         let args = ["--mode", "publish", "--mware_A", "zeromq", "--mware_B", "zeromq", "--mware_C"];
         let module = "communication_schemes.channeling_example";
         let _script = example(env, module, &[&args[..], &["zeromq"]].concat(), &[])?;
-        // Its first channel waits for somebody who listens, and the others with it.
+        // Its first channel waits for a program that listens, and the others with it.
         let (object, said) = heard(env, "/example/native_A_msg", "NativeObject")?;
         assert!(object["value"].is_array() && !said.contains("unread"), "{said}");
         let native = ["echo", "zeromq:/example/native_A_msg", "--type", "NativeObject", "--json"];

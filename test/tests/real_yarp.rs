@@ -66,11 +66,12 @@ pub(crate) fn yarps_server(env: &TestEnv) -> Result<Process> {
     Ok(server)
 }
 
-/// A name server keeps the address of a program that was killed, and may be told it again by whoever restores what it
-/// knew.
+/// A name server keeps the address of a program that was killed, and may be told it again by the program that restores
+/// what it knew.
 fn the_name_of_a_killed_program_is_ours(env: &TestEnv) -> Result {
     let name = env.topic("kept");
-    let dead = std::net::TcpListener::bind(("127.0.0.1", 0))?.local_addr()?.port().to_string();
+    // No program listens at this port: it is the test's own, for a broker that it does not start.
+    let dead = env.rep_port().to_string();
     let left_behind = ["name", "register", &name, "tcp", "127.0.0.1", &dead];
     let is_at_it = |said: &str| said.contains(&format!("port {dead} "));
     let is_ours = |said: &str| said.contains("registration name") && !is_at_it(said);
@@ -193,8 +194,9 @@ fn rpc_asks_ours(env: &TestEnv) -> Result {
     rpc.tell("1")?;
     rpc.tell("(data 0)")?;
     let asked = server.objects(2)?;
-    assert_eq!(asked[0]["args"], json!([1]), "{asked:?}");
-    assert_eq!(asked[1]["kwargs"], json!({"data": 0}), "{asked:?}");
+    // Fields that are true or false take 1 and 0.
+    assert_eq!(asked[0]["args"], json!([true]), "{asked:?}");
+    assert_eq!(asked[1]["kwargs"], json!({"data": false}), "{asked:?}");
     // Output into a pipe comes when the tool ends.
     rpc.close_stdin();
     rpc.exits_with(0)?;
@@ -412,7 +414,7 @@ fn a_new_name_server_ends_no_route_whose_port_lives() -> Result {
         assert!(said.contains(&forgotten), "{said}");
         let log = bridge.stderr();
         assert!(!log.contains("route ended"), "{log}");
-        // The program ends, and nobody tells.
+        // The program ends without an announcement.
         write.kill()?;
         until_route(&bridge, &route, |route| route.is_none())?;
         drop(server);

@@ -21,7 +21,7 @@ fn call(env: &TestEnv, service_type: &str, more: &[&str]) -> Result<Process> {
     env.wrapyfi(args)
 }
 
-/// A server that is there: with the broker, whoever has it.
+/// A server that is there: with the broker, whichever program has it.
 fn serve(env: &TestEnv, service_type: &str, more: &[&str]) -> Result<Process> {
     let mut args = vec!["serve", "zeromq:/x", "--type", service_type, "--json"];
     args.extend(more);

@@ -524,7 +524,7 @@ fn nodes_of_a_list_are_heard_and_reached_and_no_others() -> Result {
     })
 }
 
-/// A list that is shortened while the bridge runs leaves nobody connected who is not in it any more.
+/// A list that is shortened while the bridge runs leaves no program connected that is not in it any more.
 #[test]
 fn a_subscriber_that_a_changed_list_leaves_out_is_cut_off() -> Result {
     run("a_subscriber_that_a_changed_list_leaves_out_is_cut_off", NEEDS, |env| {

@@ -22,8 +22,7 @@ fn echo(env: &TestEnv, endpoint: &str, more: &[&str]) -> Result<Process> {
 }
 
 fn waits_for_a_listener(route: Option<&Value>) -> bool {
-    let reason = route.and_then(|route| route["reason"].as_str());
-    reason.is_some_and(|reason| reason.contains("a listener on"))
+    route.is_some_and(|route| route["cause"] == "nobody_listens")
 }
 
 /// Waits until the master's books are as they should be.
@@ -124,7 +123,7 @@ fn echo_is_told_the_type_by_the_publisher() -> Result {
         let mut of_text = echo(env, &ros1(&text), &["--count", "1"])?;
         assert_eq!(of_text.objects(1)?[0]["value"], "hello");
         of_text.exits_with(0)?;
-        // It waits for somebody who tells.
+        // It waits for a program that tells the type.
         let args = format!("publish --topic {later} --type sensor_msgs/JointState --node later");
         let _later = env.rospy(&args, Some(r#"{"name": ["elbow"]}"#))?;
         assert_eq!(early.objects(1)?[0]["value"]["name"], json!(["elbow"]));
@@ -154,7 +153,7 @@ fn a_restarted_master_ends_no_route_whose_publisher_lives() -> Result {
         let before = first.objects(1)?.len();
         first.objects(before + 240).map_err(|error| error.context(bridge.tail()))?;
         assert!(!log(&bridge).contains("route ended"), "{}", bridge.tail());
-        // Nor is the publisher forgotten while nobody listens.
+        // Nor is the publisher forgotten while no program listens.
         drop(first);
         let route = format!("ros:{topic} -> ros2:{topic}");
         until_route(&bridge, &route, waits_for_a_listener)?;
@@ -198,7 +197,7 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
         let topic = env.topic("text");
         let bridge = bridge(env, &[])?;
         let forever = ["--type", "Text", "--count", "100000"];
-        // What the bridge tells about itself is no topic of ROS 1, whoever listens.
+        // What the bridge tells about itself is no topic of ROS 1, whichever program listens.
         let status = format!("{NODE}/status");
         let own = ["--type", "wrapyfi_msgs/msg/BridgeStatus", "--count", "100000"];
         let looks = echo(env, &ros2(&status), &own)?;
@@ -286,7 +285,7 @@ fn the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there() -> R
     })
 }
 
-/// Nobody listens, and the route is there before what is kept is published.
+/// No program listens, and the route is there before what is kept is published.
 #[test]
 fn a_latching_publisher_that_comes_late_is_not_missed() -> Result {
     run("a_latching_publisher_that_comes_late_is_not_missed", WITH_DDS, |env| {
@@ -475,7 +474,7 @@ fn names_that_ros_2_lacks_are_meant_and_told() -> Result {
         let [one, other] = [why(&first)?, why(&second)?];
         let left = if one.contains(" goes; write") { one } else { other };
         assert!(is_both(&left) && left.contains("give it a route with another name"), "{left}");
-        // Nobody has the name on either side: what would lead to it is meant.
+        // No program has the name on either side: what would lead to it is meant.
         let told = why(&ros2(&name("none")))?;
         let way = format!("{} -> {}", ros1(&name("none")), ros2(&name("none")));
         assert!(told.contains(&way), "{told}");

@@ -1,4 +1,4 @@
-//! Types that nobody knew when wrapyfi was built, through bridges: made up by the test itself, with
+//! Types that were not known when wrapyfi was built, through bridges: made up by the test itself, with
 //! names of the moment. rospy makes its classes on the spot, the bridge learns them from the
 //! connection.
 

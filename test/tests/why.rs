@@ -161,7 +161,7 @@ fn answered<const N: usize>(env: &TestEnv, args: [&str; N]) -> Result<Value> {
     Ok(serde_json::from_str(why.stdout().trim())?)
 }
 
-/// Bridges are heard on a topic: services have another mapping there, and whoever else listens is none.
+/// Bridges are heard on a topic: services have another mapping there, and any other program that listens is none.
 #[test]
 fn a_bridge_is_heard_whatever_its_services_are_mapped_to() -> Result {
     run("a_bridge_is_heard_whatever_its_services_are_mapped_to", &[Need::Program], |env| {
@@ -235,7 +235,7 @@ fn a_service_of_zeromq_that_nobody_offers_is_told() -> Result {
     })
 }
 
-/// A master that was restarted knows nobody, while the connections that there were go on.
+/// A master that was restarted knows no node, while the connections that there were go on.
 #[test]
 fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {
     run("a_master_that_was_restarted_is_not_believed_before_the_bridge", WITH_ROS, |env| {
@@ -265,7 +265,7 @@ fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {
     })
 }
 
-/// Nothing has passed on them: the server that the bridge has, and the publisher that nobody listens to.
+/// Nothing has passed on them: the server that the bridge has, and the publisher that no program listens to.
 #[test]
 fn what_a_bridge_has_outlives_the_list_of_a_master() -> Result {
     run("what_a_bridge_has_outlives_the_list_of_a_master", WITH_ROS, |env| {
@@ -328,7 +328,7 @@ fn a_bridge_that_has_other_names_is_found_by_all_of_them() -> Result {
     })
 }
 
-/// A program that is stopped keeps its connections: whoever asks it learns that it does not answer.
+/// A program that is stopped keeps its connections: the program that asks it learns that it does not answer.
 #[test]
 fn a_publisher_that_hangs_is_named() -> Result {
     run("a_publisher_that_hangs_is_named", WITH_ROS, |env| {
@@ -369,7 +369,7 @@ fn a_second_bridge_is_not_what_mends_a_route() -> Result {
         let route = Route::new(&ros2(&words), &zeromq(&words), "Text").with("name", "words");
         let bridge = env.bridge(&env.embedded().route(route))?;
         let talk = ["pub", &ros2(&words), "--type", "Text", "--value", "\"x\"", "--rate", "10"];
-        let _talker = env.wrapyfi(talk)?;
+        let mut talker = env.wrapyfi(talk)?;
         let _ear = env.wrapyfi(["echo", &zeromq(&words), "--type", "Text"])?;
         let file = env.path("bridge.yaml").display().to_string();
         let is_well = |route: Option<&Value>| route.is_some_and(|it| it["state"] == "active");
@@ -411,6 +411,14 @@ fn a_second_bridge_is_not_what_mends_a_route() -> Result {
             what.contains("2 bridges run the route, /wrapyfi_bridge, /wrapyfi_bridge"),
             "{told}"
         );
+
+        talker.kill()?;
+        let is_waiting = |route: Option<&Value>| route.is_some_and(|it| it["state"] == "waiting");
+        for bridge in [&bridge, &second] {
+            until_route(bridge, "words", is_waiting)?;
+        }
+        let told = of_running(env, "words", "nobody_publishes")?;
+        assert!(told["passed"].to_string().contains("2 bridges run the route"), "{told}");
         Ok(())
     })
 }
@@ -427,7 +435,7 @@ fn an_object_to_ros2(env: &TestEnv, name: &str, message_type: &str) -> Result<[P
     Ok([bridge, listener, talker])
 }
 
-/// The bridge's own endpoints, which are on the graph as well, are nobody else's.
+/// The bridge's own endpoints, which are on the graph as well, are no other program's.
 #[test]
 fn a_running_route_that_is_well_lacks_nothing() -> Result {
     run("a_running_route_that_is_well_lacks_nothing", &[Need::Program], |env| {
@@ -505,7 +513,7 @@ fn a_subscriber_of_another_type_on_ros_1_is_named() -> Result {
         let answer = of_running(env, "talk", "state")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("/ear wants geometry_msgs/Point"), "{answer}");
-        // Who only looks whether somebody is there is no refused subscriber, nor one who is waited for.
+        // Who only looks whether a program is there is no refused subscriber, nor one who is waited for.
         answered(env, [&ros1(&topic)])?;
         let answer = of_running(env, "talk", "state")?;
         assert!(answer["remedy"].to_string().contains("`type: geometry_msgs/Point`"), "{answer}");

@@ -66,7 +66,7 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
         let (topic, port) = (format!("{head}/command/i"), format!("{head}/command:i"));
         let bridge = env.executable("yarp_bridge", &["-p", "status_json:=true"])?;
         let _words = publisher(env, &topic, "NativeObject", r#"["go", 1]"#)?;
-        // Until then its port has a name that nobody has to know.
+        // Until then its port has a name that no program has to know.
         let name = format!("ros2:{topic} -> yarp:{topic}");
         bridge.wait_until("the route to wait for a reader", |output| {
             let status = output.objects().last()?;

@@ -1,4 +1,4 @@
-//! `yarp_bridge` by itself: the ports of a robot are in ROS 2, with types that nobody has written down.
+//! `yarp_bridge` by itself: the ports of a robot are in ROS 2, with types that no configuration names.
 
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
@@ -10,7 +10,7 @@ fn bridge(env: &TestEnv) -> Result<Process> {
     env.executable("yarp_bridge", &["-p", "status_json:=true"])
 }
 
-/// Somebody else's port that sends.
+/// Another program's port that sends.
 fn port(env: &TestEnv, name: &str, message: &[&str]) -> Result<Process> {
     let endpoint = yarp(name);
     env.wrapyfi([&["pub", &endpoint, "--rate", "20"], message].concat())
@@ -110,8 +110,8 @@ fn ports_have_the_types_of_what_they_send() -> Result {
     })
 }
 
-/// A port that sent bottles comes back with pictures, while whoever wants its bottles is still there: the route has
-/// the pictures' type, and names the listener.
+/// A port that sent bottles comes back with pictures, while the program that wants its bottles is still there: the
+/// route has the pictures' type, and names the listener.
 #[test]
 fn an_old_listener_does_not_make_the_type_of_a_port() -> Result {
     run("an_old_listener_does_not_make_the_type_of_a_port", NEEDS, |env| {
@@ -189,7 +189,7 @@ fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {
         until_typed(&bridge, &cam, "sensor_msgs/msg/Image", "a listener on")?;
         until_typed(&bridge, &state, JOINTS, "a listener on")?;
         until_typed(&bridge, &format!("{head}/stateExt:o"), JOINTS, "a listener on")?;
-        // Nobody listens, so nothing is sent to anybody.
+        // No program listens, so nothing is sent.
         let mut ping = env.yarp_tool("yarp", &["ping", &cam])?;
         ping.exit_code()?;
         let told = ping.stdout() + &ping.stderr();

@@ -149,7 +149,8 @@ fn remote_controlboard_reads_and_moves_a_robot_of_ros_2() -> Result {
     })
 }
 
-/// Answers of `wrapyfi why` about a board, from nobody who says where the joints are to a client that is connected.
+/// Answers of `wrapyfi why` about a board, without a program that says where the joints are to a client that is
+/// connected.
 #[test]
 fn what_a_board_lacks_is_told() -> Result {
     run("what_a_board_lacks_is_told", NEEDS, |env| {

@@ -15,7 +15,7 @@ pub fn catch() {
     // SAFETY: the handler makes two system calls, which are safe in a handler, and does not return.
     let caught = unsafe {
         signal_hook::low_level::register(SIGABRT, || {
-            // There is nobody left to tell.
+            // There is no reader left.
             _ = rustix::io::write(std::io::stderr(), LINE);
             signal_hook::low_level::exit(1);
         })

@@ -80,7 +80,7 @@ fn key_text(key: &Value) -> String {
 
 /// Null, booleans, numbers and text, as Wrapyfi's JSON has them.
 fn scalar(value: &Value) -> String {
-    match json::encode(value) {
+    match json::encode(value, &wrapyfi_core::plugin::standard()) {
         Ok(text) => String::from_utf8_lossy(&text).into_owned(),
         Err(_unwritable) => "null".to_owned(),
     }
@@ -124,7 +124,9 @@ mod tests {
     #[test]
     fn reads_as_python_would_dump_it() {
         let text = r#"{"b": [1, 2.0, NaN, 1208925819614629174706176], "a": "\u00ef\ud83d\ude80", "t": {"__wrapyfi__": ["tuple", [1]]}, "s": {"__wrapyfi__": ["set", [10, 9]]}}"#;
-        let value = json::decode(&Bytes::from(text), &Limits::default()).unwrap();
+        let value =
+            json::decode(&Bytes::from(text), &Limits::default(), &wrapyfi_core::plugin::standard())
+                .unwrap();
         assert_eq!(
             canonical(&value),
             r#"{"a":"\u00ef\ud83d\ude80","b":[1,2.0,NaN,1208925819614629174706176],"s":{"@set":[10,9]},"t":{"@tuple":[1]}}"#

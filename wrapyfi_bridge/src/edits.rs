@@ -8,11 +8,11 @@
 use std::collections::BTreeMap;
 
 use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_endpoint::config::in_no_file;
 use wrapyfi_engine::{Config, Plan, Route, RouteConfig, Spanned};
 
 use crate::exit::{Failure, Result};
-use crate::files::in_no_file;
-use crate::middlewares::{Endpoints, Loaded};
+use crate::middlewares::{Loaded, SectionNames};
 
 /// Name of the text of an added route in errors.
 pub(crate) const SOURCE: &str = "the added route";
@@ -44,7 +44,8 @@ impl Edits {
     pub fn add(&mut self, text: &str) -> Result<()> {
         // Indented, no line of it can be another key of the configuration.
         let list = format!("routes:\n- {}", text.trim().replace('\n', "\n  "));
-        let config: Config<Endpoints> = Config::from_yaml(&list, SOURCE).map_err(Failure::usage)?;
+        let config: Config<SectionNames> =
+            Config::from_yaml(&list, SOURCE).map_err(Failure::usage)?;
         let mut entries = config.routes.into_iter();
         match (entries.next(), entries.next()) {
             (Some(entry), None) if entry.value.from.is_some() || entry.value.service.is_some() => {
@@ -106,12 +107,9 @@ impl Edits {
 
 /// Ends of an entry, as those of its route are written.
 fn ends(entry: &RouteConfig) -> String {
-    let (from, to) = match &entry.service {
-        Some(_) => (&entry.offered, &entry.service),
-        None => (&entry.from, &entry.to),
-    };
-    let text = |end: &Option<Spanned<String>>| end.as_ref().map(|end| end.value.clone());
-    format!("{} -> {}", text(from).unwrap_or_default(), text(to).unwrap_or_default())
+    let [source, destination] = entry.ends().map(|end| end.map_or("", |end| end.value.as_str()));
+    let [from, to] = entry.interaction().in_direction(source, destination);
+    format!("{from} -> {to}")
 }
 
 /// Remedy for a route that a pattern of the plan makes, which is in no plan itself.

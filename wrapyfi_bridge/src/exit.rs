@@ -21,7 +21,7 @@ pub enum Failure {
     /// Something awaited did not come in time: exit code 3.
     #[error("{0}")]
     TimedOut(String),
-    /// Whoever read the output has seen enough: the command ends, with success and without a word.
+    /// The program that read the output has seen enough: the command ends, with success and without a word.
     #[error("nobody reads the output any more")]
     Unread,
     /// The command has said on stdout what is wrong: exit code 1.

@@ -5,17 +5,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_data::types::MessageType;
+use wrapyfi_data::types::{MessageType, RosAction};
 use wrapyfi_endpoint::Mutex;
-use wrapyfi_engine::{Applier, Kind, Plan, Route, RouteIndex};
+use wrapyfi_engine::{Applier, Plan, Route, RouteIndex, RouteTypes};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_node::parameters::ParameterStore;
-use wrapyfi_ros1 as ros1;
 
 use crate::exit::{Failure, Result};
-use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded, show_endpoints, take_parameters};
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::on_graph::info;
 use crate::overrides;
 use crate::own_address::OwnAddress;
@@ -33,7 +31,7 @@ pub struct Options {
     pub no_autostart: bool,
     /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
-    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
+    /// The middleware without which the node has nothing to do: when another program ends it, the node ends
     /// with an error, so that it is started again where that is wished.
     pub lives_with: Option<&'static str>,
 }
@@ -98,9 +96,9 @@ pub fn change_endpoints(
     parameters: &mut ParameterStore,
     options: &Options,
 ) -> Result<()> {
-    if options.lives_with == Some(ros1::NAME) {
+    if let Some(middleware) = options.lives_with {
         // One name on both sides, unless the file says another.
-        endpoints.ros.node.get_or_insert_with(|| in_no_file(node.name().fqn()));
+        endpoints.name_node(middleware, &node.name().fqn());
     }
     take_parameters(endpoints, parameters)?;
     endpoints.reached_at(options.own);
@@ -129,16 +127,15 @@ pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
 /// ROS types of the endpoints that routes have on ROS 2.
 pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
     let ends = |route: &Route| {
-        let types = match route.kind {
-            Kind::Service(kind) => [Some(kind.ros_type()); 2],
+        let types = match route.types {
+            RouteTypes::Service(kind) => [Some(kind.ros_type()); 2],
+            RouteTypes::Action(kind) => [kind.map(RosAction::name); 2],
             // Properties are on no topic of ours.
-            Kind::Topic(types) => [types.from, types.to]
+            RouteTypes::Topic(types) => [types.from, types.to]
                 .map(|it| (it != MessageType::Properties).then(|| it.ros_type())),
         };
         let named = [&route.from, &route.to].into_iter().zip(types);
-        named
-            .filter_map(|(end, name)| name.filter(|_| end.middleware == "ros2"))
-            .collect::<Vec<_>>()
+        named.filter_map(|(end, name)| name.filter(|_| end.middleware == GRAPH)).collect::<Vec<_>>()
     };
     plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
 }

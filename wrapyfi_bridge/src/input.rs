@@ -20,16 +20,19 @@ use wrapyfi_data::types::{
 };
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{self, npy::NpyArray};
-
-use crate::files::open;
+use wrapyfi_endpoint::config::open;
 
 /// The payload that `text`, JSON in Wrapyfi's dialect, describes.
 ///
 /// # Errors
 /// When the text is no JSON, or no object of the type.
 pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
-    let value = codec::json::decode(&Bytes::copy_from_slice(text.as_bytes()), &spec.limits)
-        .context("--value, which is JSON (a text has quotes: '\"hello\"')")?;
+    let value = codec::json::decode(
+        &Bytes::copy_from_slice(text.as_bytes()),
+        &spec.limits,
+        &wrapyfi_core::plugin::standard(),
+    )
+    .context("--value, which is JSON (a text has quotes: '\"hello\"')")?;
     of_value(value, spec)
 }
 
@@ -56,14 +59,18 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
         path.extension().and_then(|ext| ext.to_str()).unwrap_or("").to_ascii_lowercase();
     let wrong = || anyhow!("{} does not hold a message of type {kind}", path.display());
     let payload = match (extension.as_str(), kind) {
-        ("json", DataType::NativeObject | DataType::Properties | DataType::RosMessage) => {
-            of_value(codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?, spec)?
-        }
+        ("json", DataType::NativeObject | DataType::Properties | DataType::RosMessage) => of_value(
+            codec::json::decode(
+                &read(path, &spec.limits)?,
+                &spec.limits,
+                &wrapyfi_core::plugin::standard(),
+            )?,
+            spec,
+        )?,
         ("npy", DataType::NativeObject) => Payload::from(array(path, spec)?),
         ("npy", DataType::Image) => {
             // As Wrapyfi would send the array, so that the same shapes are images here and there.
-            let json = codec::json::encode(&array(path, spec)?)?;
-            codec::frames::decode(&[Bytes::new(), Bytes::new(), json.into()], spec, Stamp::now())?
+            Image::from_value(&array(path, spec)?, spec.color_order, Stamp::now())?.into()
         }
         ("png", DataType::Image) => image(png(path, &spec.limits)?),
         ("jpg" | "jpeg", DataType::Image) => Payload::Image(Image {

@@ -3,9 +3,9 @@
 //! # Layout
 //!
 //! ```text
-//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why, top}
-//!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
-//!   bin/…_bridge.rs ─▶ node ─▶ middleware_bridge    all of a middleware, without a configuration
+//!   program ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why, top}
+//!           └▶ node_main ─▶ command::bridge         `ros2 run wrapyfi_bridge bridge`
+//!                       └▶ middleware_bridge        all of a middleware, without a configuration
 //!
 //!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
@@ -28,7 +28,7 @@
 //!   visible   text from outside as it may be shown
 //! ```
 //!
-//! A library only so that its two programs share it; it promises no stable interface.
+//! A library so that a program with middlewares of its own is [`main`] with a list; the rest promises no stable interface.
 
 pub mod aborted;
 pub mod canonical;
@@ -47,6 +47,7 @@ pub mod lines;
 pub mod logging;
 pub mod middleware_bridge;
 pub mod middlewares;
+pub mod near_names;
 pub mod node;
 pub mod node_main;
 pub mod on_graph;
@@ -55,6 +56,8 @@ pub mod output;
 pub mod overrides;
 pub mod own_address;
 pub mod page;
+pub mod processes;
+mod program;
 pub mod reload;
 pub mod shutdown;
 pub mod sros2;
@@ -63,3 +66,6 @@ pub mod top;
 pub mod visible;
 pub mod why;
 pub mod words;
+
+pub use middlewares::BUNDLED;
+pub use program::main;

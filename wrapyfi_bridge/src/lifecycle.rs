@@ -147,7 +147,7 @@ impl Lifecycle {
         TRANSITIONS.into_iter().filter(move |one| state.is_primary() && one.start == state)
     }
 
-    /// The transition that somebody asks for by name, or by number where the name is empty; `None` where there is
+    /// The transition that is asked for by name, or by number where the name is empty; `None` where there is
     /// no such one from the state of now.
     pub fn asked(&self, id: u8, label: &str) -> Option<Transition> {
         self.available()

@@ -1,4 +1,4 @@
-//! Lines that a thread of their own writes: a reader that stands still stops nobody else, and one that went ends
+//! Lines that a thread of their own writes: a reader that stands still stops no other, and one that went ends
 //! nothing.
 
 use std::io::Write;
@@ -12,11 +12,11 @@ use wrapyfi_endpoint::Mutex;
 #[derive(Debug)]
 pub struct Lines {
     queue: SyncSender<Vec<u8>>,
-    shared: Arc<Shared>,
+    shared: Arc<LineTally>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct LineTally {
     counts: Mutex<Counts>,
     /// Tells that a line was written.
     written: Condvar,
@@ -43,11 +43,11 @@ impl Lines {
         gap: fn(u64) -> String,
     ) -> std::io::Result<Self> {
         let (queue, lines) = sync_channel::<Vec<u8>>(room);
-        let shared = Arc::<Shared>::default();
+        let shared = Arc::<LineTally>::default();
         let told = Arc::clone(&shared);
         std::thread::Builder::new().name(name.to_owned()).spawn(move || {
             for line in lines {
-                // Nobody can be told that nobody reads.
+                // There is no reader left to report it to.
                 _ = out.write_all(&line).and_then(|()| out.flush());
                 let lost = {
                     let mut counts = told.counts.lock();

@@ -25,10 +25,10 @@ use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, reload};
+use wrapyfi_endpoint::LogSink;
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_node::{LogLevel, LogLine, args::LogLevels, logger_services::Loggers};
 use wrapyfi_ros2::NodeHandle;
-use wrapyfi_yarp_endpoint::LogPort;
 
 use crate::lines::Lines;
 use crate::visible::escaped_lines;
@@ -53,8 +53,8 @@ const MAX_LINES: usize = 4096;
 const LAST_WORD: Duration = Duration::from_millis(500);
 /// Lines to stderr; none where the system refused a thread.
 static LINES: OnceLock<Option<Lines>> = OnceLock::new();
-/// The port of YARP that has the lines, too.
-static LOG_PORT: RwLock<Option<LogPort>> = RwLock::new(None);
+/// The log of a middleware that has the lines, too, with its name.
+static SINK: RwLock<Option<(String, Box<dyn LogSink>)>> = RwLock::new(None);
 /// Levels in force, once logging has started.
 static LEVELS: OnceLock<Arc<Levels>> = OnceLock::new();
 /// Panics since logging was started.
@@ -147,7 +147,7 @@ fn print(line: String) {
     }
 }
 
-/// The loggers of this process, for whoever reads and sets their levels from outside.
+/// The loggers of this process, for the program that reads and sets their levels from outside.
 pub fn loggers() -> Option<Arc<dyn Loggers>> {
     LEVELS.get().map(|levels| Arc::clone(levels) as Arc<dyn Loggers>)
 }
@@ -234,9 +234,13 @@ pub fn publish_to(node: Option<NodeHandle>) {
     *NODE.write().unwrap_or_else(PoisonError::into_inner) = node;
 }
 
-/// Sends lines to a port of YARP from now on, or to none.
-pub fn write_to(port: Option<LogPort>) {
-    *LOG_PORT.write().unwrap_or_else(PoisonError::into_inner) = port;
+/// Sends lines to the log of a middleware from now on, or not to its own any more.
+pub fn write_to(middleware: &str, sink: Option<Box<dyn LogSink>>) {
+    let mut now = SINK.write().unwrap_or_else(PoisonError::into_inner);
+    let is_of_another = now.as_ref().is_some_and(|(name, _)| name != middleware);
+    if sink.is_some() || !is_of_another {
+        *now = sink.map(|sink| (middleware.to_owned(), sink));
+    }
 }
 
 /// All places that have the lines. An event is read once for all of them.
@@ -317,7 +321,7 @@ impl<S: Subscriber> Layer<S> for Output {
         }
         // Lines of the ports about their own work are not sent through a port.
         if !(metadata.target() == "wrapyfi_yarp" || metadata.target().starts_with("wrapyfi_yarp::"))
-            && let Some(port) = &*LOG_PORT.read().unwrap_or_else(PoisonError::into_inner)
+            && let Some((_, port)) = &*SINK.read().unwrap_or_else(PoisonError::into_inner)
         {
             port.write(of_yarp, &logger, &text);
         }

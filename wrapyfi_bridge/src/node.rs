@@ -8,6 +8,9 @@ use wrapyfi_node::args::RosArgs;
 use wrapyfi_node::parameters::{DeclareError, ParameterStore};
 use wrapyfi_node::{NameError, NodeName, ParameterValue};
 
+/// Middleware on which a bridge is a node.
+pub(crate) const GRAPH: &str = wrapyfi_ros2::NAME;
+
 /// Name of the bridge's node unless it is remapped.
 pub(crate) const DEFAULT_NAME: &str = "wrapyfi_bridge";
 
@@ -61,7 +64,7 @@ impl Node {
     /// An address with the name that it has for this node: on ROS 2 expanded and remapped.
     pub fn resolve(&self, address: &EndpointAddress) -> EndpointAddress {
         let mut resolved = address.clone();
-        if address.middleware == "ros2"
+        if address.middleware == GRAPH
             && let Ok(name) = self.resolve_topic(&address.name)
         {
             resolved.name = name;

@@ -36,7 +36,7 @@ pub fn executable(program: Option<OsString>) -> Option<Option<MiddlewareBridge>>
     let name = Path::new(&program?).file_name()?.to_str()?.to_owned();
     match name.as_str() {
         "bridge" => Some(None),
-        name => Some(Some(MiddlewareBridge::ALL.into_iter().find(|it| it.node() == name)?)),
+        name => Some(Some(MiddlewareBridge::called(name)?)),
     }
 }
 
@@ -181,21 +181,14 @@ fn declared(
             let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
             let service_timeout_ms =
                 count(&declare("service_timeout_ms", meant, 0.into())?).filter(|ms| *ms != 0);
-            let meant = "Carries /clock from ROS 1.";
-            let clock = bridge == MiddlewareBridge::Ros1
-                && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
-            let meant = "Carries the joints of all control boards to /joint_states, too.";
-            let joint_states = bridge == MiddlewareBridge::Yarp
-                && declare("joint_states", meant, false.into())? == ParameterValue::Bool(true);
-            let selection = Selection {
-                allow,
-                deny,
-                prefix,
-                has_hidden,
-                service_timeout_ms,
-                clock,
-                joint_states,
-            };
+            let mut switches = Vec::new();
+            for &(name, meant) in bridge.switches() {
+                if declare(name, meant, false.into())? == ParameterValue::Bool(true) {
+                    switches.push(name);
+                }
+            }
+            let selection =
+                Selection { allow, deny, prefix, has_hidden, service_timeout_ms, switches };
             Some((bridge, selection))
         }
     };
@@ -213,10 +206,11 @@ fn declared(
         (ParameterValue::String(file), None) => Source::File(file.into()),
         (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
             if selection != Selection::default() {
+                let switches = bridge.switches().iter();
+                let switches: String = switches.map(|(name, _)| format!(", {name}")).collect();
                 return Err(Failure::Usage(format!(
-                    "parameters allow, deny, prefix, default_deny, service_timeout_ms, clock and joint_states are \
-                     for the built-in configuration of {}; with config_file, write them into the \
-                     file",
+                    "parameters allow, deny, prefix, default_deny, service_timeout_ms{switches} are for the built-in \
+                     configuration of {}; with config_file, write them into the file",
                     bridge.node()
                 )));
             }
@@ -244,7 +238,7 @@ fn declared(
             return Err(Failure::Usage(text));
         }
     };
-    let lives_with = bridge.map(MiddlewareBridge::middleware);
+    let lives_with = bridge.map(|bridge| bridge.middleware);
     let page_port =
         count(&page).and_then(|port| u16::try_from(port).ok()).filter(|port| *port != 0);
     let own = OwnAddress::default();
@@ -271,7 +265,7 @@ mod tests {
     /// `ros2 param dump` writes null for what has no value, which comes back as a text.
     #[test]
     fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
-        for bridge in [None, Some(MiddlewareBridge::Yarp)] {
+        for bridge in [None, MiddlewareBridge::called("yarp_bridge")] {
             let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
             let file = ParameterValue::String("routes.yaml".to_owned());
             let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
@@ -333,7 +327,7 @@ mod tests {
         let declare = |given: &[(&str, ParameterValue)]| {
             let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
             let mut store = ParameterStore::new(&name, given.collect()).unwrap();
-            declared(&mut store, Some(MiddlewareBridge::Ros1))
+            declared(&mut store, MiddlewareBridge::called("ros1_bridge"))
         };
         let (built_in, _) = declare(&[("prefix", "lab".into())]).unwrap();
         assert!(matches!(built_in, Source::Text(text, _) if text.contains("ros2:/lab/")));

@@ -40,7 +40,11 @@ impl FromStr for EndpointOption {
             .split_once('=')
             .filter(|(name, _)| !name.is_empty())
             .ok_or_else(|| format!("{text:?} is no setting: write it as carrier=udp"))?;
-        let read = json::decode(&Bytes::copy_from_slice(value.as_bytes()), &Limits::default());
+        let read = json::decode(
+            &Bytes::copy_from_slice(value.as_bytes()),
+            &Limits::default(),
+            &wrapyfi_core::plugin::standard(),
+        );
         let value = read.unwrap_or_else(|_text| value.into());
         Ok(Self { name: name.to_owned(), value })
     }

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use crate::exit::{Failure, Result};
 use crate::visible::escaped_lines;
 
-/// Prints a text and a line break, and hands it over at once: whoever reads a pipe sees each message
+/// Prints a text and a line break, and hands it over at once: the program that reads a pipe sees each message
 /// when it comes. What a terminal obeys is shown by its number, which is the same text where it is JSON.
 ///
 /// # Errors

@@ -7,10 +7,11 @@
 //! ```
 
 use wrapyfi_data::types::MessageType;
-use wrapyfi_engine::{Kind, Plan, QosConfig, QosOverride, Route};
+use wrapyfi_endpoint::Interaction;
+use wrapyfi_engine::{Plan, QosConfig, QosOverride, Route};
 use wrapyfi_node::parameters::{EndpointRole, ParameterStore, QosOverrideError};
 
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 
 /// Changes the quality of service of routes by what the command line gives for their topics on ROS 2,
 /// and declares the policies of those ends as parameters, and of no others. Routes that meet in one end
@@ -59,14 +60,16 @@ fn change(
 
 /// The topic at one end of a route, where that end is one on ROS 2.
 fn topic(route: &Route, role: EndpointRole, node: &Node) -> Option<String> {
-    let Kind::Topic(types) = route.kind else { return None };
+    let types = route.message_types();
     let (address, message_type) = match role {
         EndpointRole::Publisher => (&route.to, types.to),
         EndpointRole::Subscription => (&route.from, types.from),
     };
     // Properties are the parameters of a node: no topic.
-    let is_topic =
-        route.is_whole() && address.middleware == "ros2" && message_type != MessageType::Properties;
+    let is_topic = route.is_whole()
+        && route.interaction() == Interaction::Topic
+        && address.middleware == GRAPH
+        && message_type != MessageType::Properties;
     is_topic.then(|| node.resolve_topic(&address.name).ok()).flatten()
 }
 

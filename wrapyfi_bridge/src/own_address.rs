@@ -3,9 +3,9 @@
 use std::net::IpAddr;
 
 use clap::Args;
-use {wrapyfi_ros1 as ros1, wrapyfi_yarp_endpoint as yarp};
 
 use crate::exit::{Failure, Result};
+use crate::middlewares::Endpoints;
 
 /// The address that others are told of this program's ports on YARP and of its node on ROS 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Args)]
@@ -25,18 +25,21 @@ impl OwnAddress {
     /// # Errors
     /// Exit code 2 with where the address of the others is said.
     pub fn check(&self, middleware: &str) -> Result<()> {
-        if *self == Self::default() || [yarp::NAME, ros1::NAME].contains(&middleware) {
+        if *self == Self::default() {
             return Ok(());
         }
-        let elsewhere = match middleware {
-            "zeromq" => "; where ZeroMQ's broker is, WRAPYFI_ZEROMQ_SOCKET_IP says",
-            _ => "",
-        };
-        Err(Failure::Usage(format!(
-            "{middleware}: --ip and --insecure are for {} and {}{elsewhere}",
-            yarp::NAME,
-            ros1::NAME
-        )))
+        let (mut taking, mut elsewhere) = (Vec::new(), "");
+        Endpoints::default().each_permission(|name, permission| match permission.said_elsewhere {
+            None => taking.push(name.to_owned()),
+            Some(said) if name == middleware => elsewhere = said,
+            Some(_) => {}
+        });
+        if taking.iter().any(|name| name == middleware) {
+            return Ok(());
+        }
+        let taking = taking.join(" and ");
+        let text = format!("{middleware}: --ip and --insecure are for {taking}{elsewhere}");
+        Err(Failure::Usage(text))
     }
 }
 

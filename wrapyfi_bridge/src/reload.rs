@@ -9,7 +9,7 @@
 //!   ~/change_state ──────┘ configure reads it, activate starts the routes, deactivate and cleanup take them away
 //! ```
 //!
-//! The same thread starts middlewares anew that somebody else has ended: `ends`.
+//! The same thread starts middlewares anew that another program has ended: `ends`.
 
 mod ends;
 mod watched_file;

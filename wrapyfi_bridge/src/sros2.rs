@@ -14,10 +14,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::EndpointAddress;
-use wrapyfi_engine::{Kind, Plan, Route};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
+use wrapyfi_engine::{Plan, Route, Types};
 
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::on_graph::circles;
 
 /// Kind of names, and what is allowed with them, in the words of a policy.
@@ -26,6 +26,8 @@ const PUBLISH: Rule = ("topic", "publish");
 const SUBSCRIBE: Rule = ("topic", "subscribe");
 const REPLY: Rule = ("service", "reply");
 const REQUEST: Rule = ("service", "request");
+const CALL: Rule = ("action", "call");
+const EXECUTE: Rule = ("action", "execute");
 
 /// Writes the policy of the bridge `node` with the routes of `plan`.
 pub fn policy(node: &Node, plan: &Plan) -> String {
@@ -49,16 +51,24 @@ pub fn policy(node: &Node, plan: &Plan) -> String {
     }
     for route in &plan.routes {
         let ends = [(&route.from, true), (&route.to, false)];
-        for (end, is_source) in ends.into_iter().filter(|(end, _)| end.middleware == "ros2") {
+        for (end, is_source) in ends.into_iter().filter(|(end, _)| end.middleware == GRAPH) {
             let name = name(node, route, end);
-            match route.kind {
+            let Types { from, to } = route.message_types();
+            match route.interaction() {
                 // Parameters are not a topic: they are asked for and set through the services of their node.
-                Kind::Topic(types) if [types.from, types.to].contains(&MessageType::Properties) => {
+                _ if [from, to].contains(&MessageType::Properties) => {
                     allow(SUBSCRIBE, "/parameter_events".to_owned());
                     allow(REQUEST, format!("{name}/*"));
                 }
-                Kind::Topic(_) => _ = allow(if is_source { SUBSCRIBE } else { PUBLISH }, name),
-                Kind::Service(_) => _ = allow(if is_source { REQUEST } else { REPLY }, name),
+                Interaction::Topic => {
+                    _ = allow(if is_source { SUBSCRIBE } else { PUBLISH }, name);
+                }
+                Interaction::Service => {
+                    _ = allow(if is_source { REQUEST } else { REPLY }, name);
+                }
+                Interaction::Action => {
+                    _ = allow(if is_source { CALL } else { EXECUTE }, name);
+                }
             }
         }
     }
@@ -100,6 +110,7 @@ fn name(node: &Node, route: &Route, end: &EndpointAddress) -> String {
 mod tests {
     use super::*;
     use wrapyfi_data::types::ServiceKind;
+    use wrapyfi_engine::RouteTypes;
 
     #[test]
     fn names_are_allowed_as_routes_use_them() {
@@ -120,6 +131,12 @@ mod tests {
                 ServiceKind::NativeObject,
             ),
         ];
+        let mut routes = routes;
+        for (from, to) in [("ros:/go", "ros2:/go"), ("ros2:/dock", "ros:/dock")] {
+            let mut route = Route::topic(address(from), address(to), MessageType::Text);
+            route.types = RouteTypes::Action(None);
+            routes.push(route);
+        }
         let text = policy(&Node::named("bridge").unwrap(), &Plan { routes });
         for (rule, name) in [
             ("<topics publish=\"ALLOW\">", "<topic>/cam/image_raw</topic>"),
@@ -129,11 +146,11 @@ mod tests {
             ("<services reply=\"ALLOW\">", "<service>/light</service>"),
             ("<services request=\"ALLOW\">", "<service>/lamp</service>"),
             ("<services request=\"ALLOW\">", "<service>/arm/*</service>"),
+            ("<actions execute=\"ALLOW\">", "<action>/go</action>"),
+            ("<actions call=\"ALLOW\">", "<action>/dock</action>"),
         ] {
             let (_, after) = text.split_once(rule).unwrap_or_else(|| panic!("no {rule} in {text}"));
-            let block =
-                after.split_once("</topics>").into_iter().chain(after.split_once("</services>"));
-            let block = block.map(|(block, _)| block).min_by_key(|block| block.len()).unwrap();
+            let (block, _) = after.split_once("ALLOW\">").unwrap_or((after, ""));
             assert!(block.contains(name), "{name} is not in {rule}{block}");
         }
         assert!(text.contains("<enclave path=\"/bridge\">"), "{text}");

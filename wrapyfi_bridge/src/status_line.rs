@@ -21,7 +21,7 @@ pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_endpoint::{Qos, QosPreset};
+    use wrapyfi_endpoint::{Interaction, Qos, QosPreset};
     use wrapyfi_engine::RouteState;
 
     use super::*;
@@ -31,7 +31,7 @@ mod tests {
             name: "chatter".to_owned(),
             from: "ros2:/chatter".to_owned(),
             to: "zeromq:/chatter".to_owned(),
-            kind: "topic",
+            interaction: Interaction::Topic,
             message_type: "std_msgs/msg/String",
             state: RouteState::Active,
             has_source: false,

@@ -246,7 +246,8 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Value {
-        json::decode(&text.to_owned().into(), &Limits::default()).unwrap()
+        json::decode(&text.to_owned().into(), &Limits::default(), &wrapyfi_core::plugin::standard())
+            .unwrap()
     }
 
     #[test]
@@ -286,7 +287,7 @@ mod tests {
         assert_eq!(words(&inside), r#"{"far": 42 meter, "n": 1}"#);
         assert_eq!(words(&Value::Tuple(vec![1.into(), "x".into()])), r#"(1, "x")"#);
         let raw = RawPixels::dense(3, 2, Encoding::Rgb8, vec![9; 18]).unwrap();
-        let file = image_file::encode(&raw, false).unwrap();
+        let file = image_file::encode(&raw, None).unwrap();
         let compressed = Pixels::Compressed { format: CompressedFormat::Png, data: file };
         for (pixels, mode, text) in [
             (raw.clone().into(), None, "Picture 3x2 rgb8"),

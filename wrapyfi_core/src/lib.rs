@@ -10,7 +10,9 @@
 //!     │
 //!   middleware    zeromq, yarp, ros1, ros2, memory: one module each, the rest never names one
 //!     │
-//!   wrapyfi_data  codec: bytes <-> values; plugin: what stands behind Wrapyfi's plug-in keys;
+//!   wrapyfi_plugins   what stands behind Wrapyfi's plug-in keys
+//!     │
+//!   wrapyfi_data  codec: bytes <-> values; plugin: the trait of plug-ins;
 //!                 types: Value, Tensor, Image, AudioChunk. No sockets, no clocks
 //! ```
 //!
@@ -75,7 +77,20 @@ pub use start::yarp;
 #[cfg(feature = "zeromq")]
 pub use start::zeromq;
 
-pub use wrapyfi_data::{DecodeError, EncodeError, Limits, plugin};
+pub use wrapyfi_data::{DecodeError, EncodeError, Limits};
+
+/// Plug-ins, which read and write the objects of Python's libraries: those of Wrapyfi, and what it takes to write more.
+pub mod plugin {
+    #[doc(inline)]
+    pub use wrapyfi_data::plugin::{
+        Body, DeviceError, DeviceMaps, DeviceOption, Part, Plugin, PluginError, Plugins, Unpacking,
+    };
+    #[cfg(feature = "zarr")]
+    #[doc(inline)]
+    pub use wrapyfi_plugins::ZarrGroup;
+    #[doc(inline)]
+    pub use wrapyfi_plugins::standard;
+}
 
 /// Bytes of values: Wrapyfi's JSON, and files of pictures.
 pub mod codec {
@@ -93,8 +108,7 @@ pub mod codec {
     pub mod json {
         #[doc(inline)]
         pub use wrapyfi_data::codec::json::{
-            decode, decode_or_text, decode_with, decode_with_tensors, encode, encode_with,
-            encode_with_tensors,
+            decode, decode_or_text, decode_with_tensors, encode, encode_with_tensors,
         };
     }
 
@@ -110,13 +124,14 @@ pub mod codec {
 pub mod endpoint {
     #[doc(inline)]
     pub use wrapyfi_endpoint::{
-        Call, CallError, Client, Clock, Context, Counters, CountersSnapshot, DiscoverError,
-        Discovered, Discovery, DropReason, Durability, EndpointAddress, History, IncomingRequest,
-        LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter, OpenError, OpenResult,
-        Opened, Overflow, ParseAddressError, PublishError, Published, Publisher, Qos, QosEvent,
-        QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability, Reply, Request, RequestId,
-        Role, Sample, SampleOrigin, ServeError, ServeResult, Server, ServiceSpec, TakeError,
-        Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
+        ActionClient, ActionServer, ActionSpec, Call, CallError, Client, Clock, Context, Counters,
+        CountersSnapshot, DiscoverError, Discovered, Discovery, DropReason, Durability,
+        EndpointAddress, GoalEvent, GoalNumber, GoalOutcome, GoalRequest, GoalUpdate, History,
+        IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
+        OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
+        Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
+        Reply, Request, RequestId, Role, RoutingProperties, Sample, SampleOrigin, ServeError,
+        ServeResult, Server, ServiceSpec, TakeError, Ticket, TopicSpec, UnknownMiddleware, Wake,
     };
 }
 
@@ -158,9 +173,9 @@ pub mod types {
         AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
         Image, Labelled, LabelledContent, MAX_DEPTH, MAX_ROS_TYPES, Map, MessageType, NativeObject,
         NumpyArray, Origin, ParameterValue, ParseDateTimeError, ParseTypeError, Payload, Picture,
-        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, RosMessage,
-        RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind, ShapeError,
-        Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of, fields_of_call,
-        fields_of_return, from_value, nested_list, to_value, value_of,
+        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, RosAction,
+        RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
+        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
+        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
     };
 }

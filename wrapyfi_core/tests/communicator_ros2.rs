@@ -1,22 +1,34 @@
 //! Registered methods over ROS 2: what every middleware must do, and what the options of ROS 2 do.
 
-use crate::ros2_common;
-
 use std::sync::Arc;
 
 use crate::communicator_common as common;
+use wrapyfi_conformance::reserve_domain;
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
-use wrapyfi_ros2::{CycloneGraph, Ros2};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
 const MWARE: &str = "ros2";
 
-/// Two nodes of a test, numbered from 0, that hear each other.
+/// Two nodes that hear each other, in a domain that no other test has. The second one is in a DDS stack of its own: within
+/// one stack no byte would be on a wire.
 fn contexts() -> (CommunicatorContext, CommunicatorContext) {
-    let context = |graph: CycloneGraph| {
+    let domain = reserve_domain();
+    let id = u32::from(domain.number);
+    let context = |name, domain_id, extra_uri| {
+        let node = NodeName::new(name, "/robot").unwrap();
+        let config = CycloneConfig { extra_uri, ..CycloneConfig::loopback(node, domain_id) };
+        let graph = CycloneGraph::new(&config).unwrap();
         let ros2 = Ros2::new(Arc::new(graph), |topic| Ok(topic.to_owned()));
         CommunicatorContext::builder().only(Arc::new(ros2)).build()
     };
-    (context(ros2_common::near("here")), context(ros2_common::far("there")))
+    let external = format!(
+        "<CycloneDDS><Domain><Discovery><ExternalDomainId>{id}</ExternalDomainId></Discovery></Domain></CycloneDDS>"
+    );
+    let both = (context("here", id, None), context("there", 1000 + id, Some(external)));
+    // Reserved until the process ends: each test has a process of its own.
+    std::mem::forget(domain);
+    both
 }
 
 #[test]

@@ -1,32 +1,34 @@
 //! Registered methods over ZeroMQ, through our broker: what every middleware must do, and what the
 //! options of ZeroMQ do.
 
-use crate::zeromq_common;
-
+use std::mem::ManuallyDrop;
+use std::net::TcpListener;
 use std::sync::Arc;
 
 use crate::communicator_common as common;
+use wrapyfi_conformance::{reserve_port, until};
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
 use wrapyfi_zeromq::{BrokerMode, ServiceBroker, ZeroMq, ZeroMqConfig};
 
 const MWARE: &str = "zeromq";
 
+/// A side on this broker.
+fn side(broker: BrokerMode, pub_port: u16, sub_port: u16) -> ZeroMqConfig {
+    ZeroMqConfig { broker, pub_port, sub_port, ..ZeroMqConfig::default() }
+}
+
 /// A side with the broker, and one that uses it.
 fn contexts() -> (CommunicatorContext, CommunicatorContext) {
-    let services = ServiceBroker::start(&ZeroMqConfig {
-        rep_port: 0,
-        req_port: 0,
-        ..zeromq_common::embedded()
-    })
-    .unwrap();
+    let any_ports = ZeroMqConfig { rep_port: 0, req_port: 0, ..ZeroMqConfig::default() };
+    let services = ServiceBroker::start(&any_ports).unwrap();
     let (rep_port, req_port) = (services.rep_port(), services.req_port());
-    let with_services = |mut config: wrapyfi_zeromq::ZeroMqConfig| {
-        (config.rep_port, config.req_port) = (rep_port, req_port);
-        config.service_broker = BrokerMode::Foreign;
+    let with_services = |config| {
+        let service_broker = BrokerMode::Foreign;
+        let config = ZeroMqConfig { rep_port, req_port, service_broker, ..config };
         ZeroMq::start(&config).unwrap()
     };
-    let one = with_services(zeromq_common::embedded());
-    let other = with_services(zeromq_common::foreign(one.pub_port(), one.sub_port()));
+    let one = with_services(side(BrokerMode::Embedded, 0, 0));
+    let other = with_services(side(BrokerMode::Foreign, one.pub_port(), one.sub_port()));
     // Runs until the process ends: each test has a process of its own.
     std::mem::forget(services);
     let context = |zeromq| CommunicatorContext::builder().only(Arc::new(zeromq)).build();
@@ -91,10 +93,10 @@ impl Speaker {
     }
 }
 
+/// Two ports that are this test's until its process ends: each test has a process of its own.
 fn free_ports() -> (u16, u16) {
-    let sockets = [(); 2].map(|()| std::net::TcpListener::bind("127.0.0.1:0").unwrap());
-    let [one, two] = sockets.map(|socket| socket.local_addr().unwrap().port());
-    (one, two)
+    let port = || ManuallyDrop::new(reserve_port()).number;
+    (port(), port())
 }
 
 /// The standard context: the publisher runs the broker, and both instances of one process hear each
@@ -122,8 +124,8 @@ fn the_standard_context_needs_nothing_else() {
     });
     // The broker ends with the last instance.
     drop(instances);
-    zeromq_common::wait_until("the ports to be free", || {
-        zeromq_common::is_free(pub_port) && zeromq_common::is_free(sub_port)
+    until("the ports to be free", || {
+        [pub_port, sub_port].iter().all(|&port| TcpListener::bind(("127.0.0.1", port)).is_ok())
     });
 }
 
@@ -150,13 +152,13 @@ fn a_middleware_that_is_missing_is_none_beside_others_and_waited_for_alone() {
     let memory = Arc::new(wrapyfi_endpoint::memory::Memory::new("memory"));
     // Two sides: an instance of ZeroMQ does not hear itself.
     let [mut here, mut there] = [(); 2].map(|()| {
-        let zeromq = ZeroMq::start(&zeromq_common::foreign(pub_port, sub_port)).unwrap();
+        let zeromq = ZeroMq::start(&side(BrokerMode::Foreign, pub_port, sub_port)).unwrap();
         let context = CommunicatorContext::builder().only(Arc::clone(&memory) as _);
         let context = context.middleware(Arc::new(zeromq));
         #[cfg(feature = "ros1")]
         let context = {
             use wrapyfi_ros1::{Ros1, Ros1Config};
-            // Nobody has this port.
+            // No program has this port.
             let master_uri = "http://127.0.0.1:1".to_owned();
             let ros1 = Ros1::start(&Ros1Config { master_uri, ..Ros1Config::default() }).unwrap();
             context.middleware(Arc::new(ros1))
@@ -180,10 +182,14 @@ fn a_middleware_that_is_missing_is_none_beside_others_and_waited_for_alone() {
         ..ZeroMqConfig::default()
     });
     let _broker = broker.unwrap();
-    zeromq_common::wait_until("both values", || {
+    until("both values", || {
         std::thread::scope(|scope| {
             let heard = scope.spawn(|| there.hear().unwrap());
-            here.hear().unwrap();
+            // A value that is published before the broker knows the subscription is heard by no listener.
+            while !heard.is_finished() {
+                here.hear().unwrap();
+                std::thread::sleep(std::time::Duration::from_millis(10));
+            }
             heard.join().unwrap() == (Some(1), Some(2), None)
         })
     });
@@ -191,7 +197,7 @@ fn a_middleware_that_is_missing_is_none_beside_others_and_waited_for_alone() {
 
 #[test]
 fn a_port_that_is_no_brokers_is_named() {
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
     let mut speaker = Speaker.communicator_in(&CommunicatorContext::builder().build());
     speaker.activate(SpeakerMethod::Say, Mode::Publish).unwrap();

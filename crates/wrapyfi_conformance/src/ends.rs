@@ -3,17 +3,17 @@
 use std::borrow::Borrow;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{
     Context, CountersSnapshot, DropReason, Link, Listener, Middleware, PublishError, Publisher,
     TopicSpec, Wake,
 };
-use wrapyfi_core::types::Payload;
 
 use crate::{Testbed, WireEnd};
 
 /// Longest time that a case waits for its condition: reached only by failures.
 pub const TIMEOUT: Duration = Duration::from_secs(30);
-/// Time between two looks at a condition of which nobody is notified.
+/// Time between two looks at a condition that rings no bell.
 const LOOK: Duration = Duration::from_millis(10);
 /// Messages that may be on their way at once. Queues of the transports are longer, so that what
 /// is sent with [`Source::send_all`] arrives even where they drop.
@@ -27,6 +27,12 @@ const WINDOW: usize = 4;
 #[track_caller]
 pub fn wait_until(wake: impl Borrow<Wake>, what: &str, mut condition: impl FnMut() -> bool) {
     wait_for(wake, what, || condition().then_some(()));
+}
+
+/// As [`wait_until`], where no bell tells of a change.
+#[track_caller]
+pub fn until(what: &str, condition: impl FnMut() -> bool) {
+    wait_until(Wake::new(), what, condition);
 }
 
 /// Waits until there is something; fails the test when it takes longer than [`TIMEOUT`].
@@ -69,7 +75,7 @@ impl Source {
         Self { publisher, context }
     }
 
-    /// Publishes one message; the bytes that went out, none where nobody listens.
+    /// Publishes one message; the bytes that went out, none where there is no listener.
     #[track_caller]
     pub fn send(&mut self, payload: &Payload) -> usize {
         match self.publisher.publish(payload) {

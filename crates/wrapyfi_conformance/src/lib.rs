@@ -10,8 +10,8 @@
 //!
 //! ```
 //! use wrapyfi_conformance::{Capabilities, Testbed, WireEnd};
-//! use wrapyfi_core::endpoint::Middleware;
-//! use wrapyfi_core::middleware::memory::Memory;
+//! use wrapyfi_endpoint::Middleware;
+//! use wrapyfi_endpoint::memory::Memory;
 //!
 //! struct OneProcess(Memory);
 //!
@@ -36,15 +36,15 @@
 //! ```
 //!
 //! ```sh
-//! cargo nextest run -p wrapyfi_conformance             # all of them
-//! cargo nextest run -p wrapyfi_conformance zeromq::    # one
+//! cargo nextest run --workspace conformance::          # on every middleware
+//! cargo nextest run -p wrapyfi_zeromq conformance::    # on one
 //! ```
 //!
 //! `conformance_tests!(services of MyTestbed)` takes only the cases about services.
 //!
 //! # A real transport
 //!
-//! `tests/zeromq.rs` and `tests/ros2.rs` have what it needs beyond the smallest testbed:
+//! `tests/conformance.rs` of `wrapyfi_zeromq` and `wrapyfi_ros2` have what it needs beyond the smallest testbed:
 //!
 //! * **Two sides that share a wire only.** Each side is an instance as another process would have it:
 //!   for ZeroMQ one runs the broker and the other only connects, for ROS 2 each has a DDS stack of its
@@ -88,8 +88,8 @@ mod reserve;
 mod service_ends;
 mod testbed;
 
-pub use ends::{Sink, Source, TIMEOUT, connect, wait_for, wait_until};
-pub use reserve::{Domain, reserve_domain};
+pub use ends::{Sink, Source, TIMEOUT, connect, until, wait_for, wait_until};
+pub use reserve::{Reserved, reserve_domain, reserve_port};
 pub use service_ends::{ClientEnd, ServerEnd, call_and_serve};
 pub use testbed::{Capabilities, Testbed, TypeCheck, WireEnd};
 

@@ -1,12 +1,12 @@
 //! Messages to send: small numbered ones, and one of everything.
 
 use crate::Testbed;
-use wrapyfi_core::codec::jpeg;
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::{
+use wrapyfi_data::codec::jpeg;
+use wrapyfi_data::types::{
     AudioChunk, CompressedFormat, Dtype, Encoding, Image, Map, MessageType, NumpyArray, Payload,
     Pixels, RawPixels, SampleFormat, Stamp, Tagged, Tensor, Value,
 };
+use wrapyfi_endpoint::TopicSpec;
 
 /// A time that a double holds exactly: Wrapyfi sends seconds as one.
 const WHEN: Stamp = Stamp { sec: 1_795_214_428, nanosec: 500_000_000 };
@@ -76,7 +76,7 @@ pub fn file(format: CompressedFormat) -> Payload {
             let raw = RawPixels::dense(64, 48, Encoding::Bgr8, pattern(64 * 48 * 3)).unwrap();
             jpeg::encode(&raw, 95).unwrap()
         }
-        // Nobody on the way looks behind the signature.
+        // No part of the way looks behind the signature.
         _ => [&b"\x89PNG\r\n\x1a\n"[..], &pattern(1000)].concat().into(),
     };
     Image::new(WHEN, Pixels::Compressed { format, data }).into()

@@ -1,42 +1,50 @@
-//! DDS domains that one test has to itself, also among test programs that run at the same time.
+//! DDS domains and ports that one test has to itself, also among test programs that run at the same time.
 
 use std::fs::{File, TryLockError};
+use std::net::TcpListener;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-/// First and number of the ids given out here: above those of the end-to-end tests, below those
-/// written into the tests of `wrapyfi_core`.
-const FIRST: u32 = 101;
-const COUNT: u32 = 38;
-
-/// A DDS domain id, reserved until this is dropped, even if the process is killed.
+/// A number reserved until this is dropped: the lock ends with the file, even if the process is killed.
 #[derive(Debug)]
-pub struct Domain {
-    /// The id.
-    pub id: u32,
+pub struct Reserved {
+    /// The DDS domain id, or the port.
+    pub number: u16,
     _lock: File,
 }
 
-/// Reserves a domain id. Waits while all are taken.
-pub fn reserve_domain() -> Domain {
+/// A DDS domain id from 1 to 100. Port numbers of higher ones would reach the ephemeral range.
+///
+/// # Panics
+/// When all are reserved, and when the file of a number cannot be locked.
+pub fn reserve_domain() -> Reserved {
+    first_free("domain", 1, 100, |_| true)
+}
+
+/// A free TCP port below the ephemeral range, where no socket that asks for any port can take it before the test binds it.
+///
+/// # Panics
+/// As [`reserve_domain`].
+pub fn reserve_port() -> Reserved {
+    first_free("port", 20_000, 12_000, |port| TcpListener::bind(("127.0.0.1", port)).is_ok())
+}
+
+/// The end-to-end tests lock the same files (`test/src/reserve.rs`).
+fn first_free(kind: &str, first: u16, count: u16, usable: impl Fn(u16) -> bool) -> Reserved {
     static TURN: AtomicU32 = AtomicU32::new(0);
-    let folder = std::env::temp_dir().join("wrapyfi_conformance_reserved");
+    let folder = std::env::temp_dir().join("wrapyfi_test_reserved");
     std::fs::create_dir_all(&folder).unwrap();
     // Neighbouring processes start far apart.
     let start =
         std::process::id().wrapping_mul(2_654_435_761).wrapping_add(TURN.fetch_add(1, Relaxed));
-    let place = |step: u32| {
-        let id = FIRST + start.wrapping_add(step) % COUNT;
-        (id, File::create(folder.join(id.to_string())).unwrap())
-    };
-    for step in 0..COUNT {
-        let (id, lock) = place(step);
+    for step in 0..u32::from(count) {
+        let offset = start.wrapping_add(step) % u32::from(count);
+        let number = first + u16::try_from(offset).unwrap();
+        let lock = File::create(folder.join(format!("{kind}_{number}"))).unwrap();
         match lock.try_lock() {
-            Ok(()) => return Domain { id, _lock: lock },
-            Err(TryLockError::WouldBlock) => {}
+            Ok(()) if usable(number) => return Reserved { number, _lock: lock },
+            Ok(()) | Err(TryLockError::WouldBlock) => {}
             Err(TryLockError::Error(error)) => panic!("cannot lock: {error}"),
         }
     }
-    let (id, lock) = place(0);
-    lock.lock().unwrap();
-    Domain { id, _lock: lock }
+    panic!("no free {kind} left")
 }

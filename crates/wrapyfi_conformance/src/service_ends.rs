@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Payload, Value};
+use wrapyfi_endpoint::{
     CallError, Client, Context, CountersSnapshot, DropReason, IncomingRequest, Middleware, Reply,
     Request, RequestId, ServeError, Server, ServiceSpec, Ticket,
 };
-use wrapyfi_core::types::{Payload, Value};
 
 use crate::{TIMEOUT, Testbed, WireEnd, wait_for, wait_until};
 
@@ -161,7 +161,7 @@ pub fn call_and_serve<R: Testbed>(
     let mut server_end = ServerEnd::open(testbed.side(at), spec);
     let mut client_end = ClientEnd::open(testbed.side(at.other()), spec);
     client_end.ready();
-    if spec.kind.data_type() == wrapyfi_core::types::DataType::NativeObject {
+    if spec.kind.data_type() == wrapyfi_data::types::DataType::NativeObject {
         let ticket = client_end.ask([]);
         client_end.await_echo(ticket, &mut server_end).unwrap();
     }

@@ -1,7 +1,7 @@
 //! Facts about a middleware that the suite has to know.
 
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
 
 /// The two ends of a testbed's wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,26 +4,27 @@
 //! ```text
 //!   bytes ──▶ codec ──▶ types ──▶ codec ──▶ bytes
 //!               │
-//!            plugin    what stands behind Wrapyfi's plug-in keys
+//!            plugin    the trait of what stands behind Wrapyfi's plug-in keys
 //!
-//!   imports: plugin, returned ─▶ codec ─▶ plugin_api ─▶ types
+//!   imports: returned ─▶ codec ─▶ plugin ─▶ types
 //! ```
 //!
 //! * [`types`]: the data model.
-//! * [`codec`]: Wrapyfi's JSON, `.npy`, JPEG, pickles, CDR of the ROS messages.
-//! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
+//! * [`codec`]: Wrapyfi's JSON, `.npy`, JPEG, CDR of the ROS messages.
+//! * [`plugin`]: the trait of plug-ins, by which codecs know them; those of pandas, torch, Pillow, … are in `wrapyfi_plugins`.
 //! * [`returned`]: types that a registered method may return.
 //!
 //! A program names these through `wrapyfi_core`, which exports them under the same names.
 //!
 //! ```
-//! # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, types}; }
+//! # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin, types}; }
 //! use wrapyfi_core::Limits;
 //! use wrapyfi_core::codec::json;
+//! use wrapyfi_core::plugin::Plugins;
 //! use wrapyfi_core::types::Value;
 //!
 //! let text = br#"["a", true]"#.as_slice().into();
-//! let value = json::decode(&text, &Limits::default())?;
+//! let value = json::decode(&text, &Limits::default(), &Plugins::none())?;
 //! assert_eq!(value, Value::List(vec![Value::Str("a".into()), Value::Bool(true)]));
 //! # Ok::<(), wrapyfi_data::codec::DecodeError>(())
 //! ```
@@ -33,7 +34,6 @@ pub mod codec;
 mod json_text;
 mod limits;
 pub mod plugin;
-mod plugin_api;
 pub mod returned;
 pub mod types;
 

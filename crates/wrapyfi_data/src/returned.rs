@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::codec::EncodeError;
+use crate::codec::{ConvertError, EncodeError};
 use crate::types::{self, AudioChunk, DataType, RosType, TypedError, from_value, to_value};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::CdrError;
@@ -148,6 +148,9 @@ pub enum PayloadError {
     /// The middleware has no form for the value.
     #[error(transparent)]
     Encode(#[from] EncodeError),
+    /// The value has no form of the type.
+    #[error(transparent)]
+    Convert(#[from] ConvertError),
 }
 
 impl<T: Serialize + DeserializeOwned> Returned<kind::NativeObject> for T {

@@ -1,4 +1,4 @@
-//! Tests against what Wrapyfi and its libraries wrote: one program, a module for each subject.
+//! Tests of tensors of candle, with the feature of that name.
 
 #![allow(
     clippy::indexing_slicing,
@@ -8,18 +8,5 @@
     reason = "in a test a panic is the right answer"
 )]
 
-#[cfg(all(feature = "pictures", feature = "tables", feature = "torch", feature = "zarr"))]
-mod native_vectors;
-mod pickle_vectors;
-#[cfg(all(feature = "pictures", feature = "zarr"))]
-mod plugin_labelled;
-#[cfg(feature = "tables")]
-mod plugin_tables;
-#[cfg(all(feature = "ndarray", feature = "torch"))]
-mod plugin_tensors;
-#[cfg(all(feature = "ndarray", feature = "torch"))]
-mod plugin_tensors_hostile;
 #[cfg(feature = "candle")]
 mod tensor_candle;
-#[cfg(all(feature = "ndarray", feature = "torch"))]
-mod tensors;

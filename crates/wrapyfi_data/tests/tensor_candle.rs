@@ -93,10 +93,11 @@ fn a_device_map_decides_where_a_received_tensor_lands() {
         .unwrap()
         .with_device("cuda:0")
         .with_origin(Origin::new("MXNetTensor"));
-    let text = json::encode(&Value::from(sent)).unwrap();
+    let (text, tensors) = json::encode_with_tensors(&Value::from(sent), &Plugins::none()).unwrap();
     let map = DeviceMap::new(Framework::MxNet, None, [("gpu:0", "cpu")]).unwrap();
-    let plugins = Plugins::standard().with_devices(DeviceMaps::default().with(map));
-    let received = json::decode_with(&text.into(), &Limits::default(), &plugins).unwrap();
+    let plugins = Plugins::none().with_devices(DeviceMaps::default().with(map));
+    let received =
+        json::decode_with_tensors(&text.into(), &tensors, &Limits::default(), &plugins).unwrap();
     let tensor = received.as_tensor().unwrap();
     assert_eq!(tensor.device(), "cpu");
     let candle = tensor.to_candle().unwrap();

@@ -35,6 +35,13 @@ use wrapyfi_data::types::Payload;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(u64);
 
+impl Ticket {
+    /// Number of the call or goal with this count among those of its client.
+    pub fn new(count: u64) -> Self {
+        Self(count)
+    }
+}
+
 /// Stage that a call had reached when its time was over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
@@ -145,8 +152,11 @@ impl<T> Calls<T> {
 
     /// True when a request waits for the answer to one before it.
     pub fn is_held_back(&self) -> bool {
-        // A call that was sent to a server that is gone holds up nobody.
-        !self.waiting.is_empty() && self.sent.range(self.counted_from..).count() >= self.at_once
+        // A call that was sent to a server that is gone holds up no other call, nor does one that may wait for ever:
+        // its server has taken it, and answers when something has ended.
+        let sent = self.sent.range(self.counted_from..);
+        let counted = sent.filter(|(_, call)| call.timeout < Duration::MAX).count();
+        !self.waiting.is_empty() && counted >= self.at_once
     }
 
     /// Lets the next requests be sent although those before were not answered: the server to which they went may be
@@ -162,6 +172,11 @@ impl<T> Calls<T> {
         let (call, request) = self.waiting.pop_front()?;
         self.sent.insert(sequence, call);
         Some(request)
+    }
+
+    /// True while the call that was sent under `sequence` has neither ended nor been forgotten.
+    pub fn is_sent(&self, sequence: i64) -> bool {
+        self.sent.contains_key(&sequence)
     }
 
     /// Ends the call of [`Calls::next_to_send`], whose request can never be sent.
@@ -327,6 +342,23 @@ mod tests {
         assert_eq!(send_all(&mut calls), [4, 5], "what the last server got holds up nobody");
         answer(&mut calls, 3);
         assert!(calls.is_held_back() && send_all(&mut calls).is_empty());
+    }
+
+    #[test]
+    fn calls_that_may_wait_for_ever_hold_up_no_other() {
+        let now = Instant::now();
+        let mut calls = calls(64).at_once(1);
+        for (number, timeout) in [Duration::MAX, Duration::MAX, SECOND, SECOND].iter().enumerate() {
+            calls.begin((number, 1), now, *timeout).unwrap();
+        }
+        for sequence in 1..=3 {
+            assert!(calls.next_to_send().is_some());
+            calls.send(sequence);
+        }
+        assert!(calls.is_held_back(), "one of them may be with the server");
+        calls.expire(now + SECOND, |_| String::new());
+        assert_eq!(calls.sent.len(), 2);
+        assert!(calls.deadline() > Some(now + 1000 * SECOND));
     }
 
     #[test]

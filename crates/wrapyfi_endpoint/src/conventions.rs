@@ -1,38 +1,11 @@
 //! Conventions of middlewares on which the reading of a configuration depends, before anything starts.
 
-/// Services that every node of ROS 2, a managed one or our own offers about itself, also where a bridge carries
-/// them. The mark of a bridge's endpoint is no help: the mapping of Fast DDS shows none of a service, and
-/// whoever calls `change_state` ends the bridge.
-const NODE_SERVICES: [&str; 21] = [
-    "get_parameters",
-    "get_parameter_types",
-    "set_parameters",
-    "set_parameters_atomically",
-    "list_parameters",
-    "describe_parameters",
-    "get_type_description",
-    "get_loggers",
-    "get_logger_levels",
-    "set_logger_level",
-    "set_logger_levels",
-    "change_state",
-    "get_state",
-    "get_available_states",
-    "get_available_transitions",
-    "get_transition_graph",
-    "add_route",
-    "remove_route",
-    "list_routes",
-    "explain",
-    "reload",
-];
-
 /// Conventions of a middleware for types and for names that programs have about themselves.
 ///
 /// ```
 /// use wrapyfi_endpoint::Conventions;
 /// let ours = Conventions { has_text_type: true, program_topics: &["rosout"], ..Conventions::NONE };
-/// assert!(ours.node_services.contains(&"get_parameters"));
+/// assert!(ours.node_services.is_empty());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conventions {
@@ -43,8 +16,34 @@ pub struct Conventions {
     pub has_ros_names: bool,
     /// Prefixes, without the first slash, of the topics that programs have about themselves.
     pub program_topics: &'static [&'static str],
-    /// Last parts of the names of services that every node offers about itself.
-    pub node_services: &'static [&'static str],
+    /// Last parts of the names of services that every node offers about itself, in lists: those of each kind of node.
+    pub node_services: &'static [&'static [&'static str]],
+    /// False where services have no names: a pair of ports is one.
+    pub has_service_names: bool,
+    /// False where a publisher shows by its messages alone: a broker tells what passes, and not who is there.
+    pub shows_publishers: bool,
+    /// Server at which programs register their addresses, where there is one.
+    pub name_service: Option<NameService>,
+    /// A program there in words, such as `a ROS 1 node`.
+    pub program: &'static str,
+    /// Places of its keys in words, where a server may refuse those of this program.
+    pub keys: Option<&'static str>,
+}
+
+/// Server at which the programs of a middleware register their addresses: the master of ROS 1, the name server of YARP.
+/// Other programs then connect to these, and a listener is noticed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NameService {
+    /// True where it knows who listens, too.
+    pub knows_listeners: bool,
+    /// Variable that gives the address at which others reach a program.
+    pub address_variable: &'static str,
+    /// Variable that says where the server is, where a variable does.
+    pub server_variable: Option<&'static str>,
+    /// Command that removes the names of programs that were killed.
+    pub clean: &'static str,
+    /// Remedy where nothing says where the server is, where that may be.
+    pub find: Option<&'static str>,
 }
 
 impl Conventions {
@@ -53,6 +52,11 @@ impl Conventions {
         has_text_type: false,
         has_ros_names: false,
         program_topics: &[],
-        node_services: &NODE_SERVICES,
+        node_services: &[],
+        has_service_names: true,
+        shows_publishers: true,
+        name_service: None,
+        program: "a program there",
+        keys: None,
     };
 }

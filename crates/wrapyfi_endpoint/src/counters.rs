@@ -1,5 +1,6 @@
 //! Numbers of messages received, sent, and dropped by reason.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -8,6 +9,7 @@ use serde::Serialize;
 use wrapyfi_interfaces::named;
 use wrapyfi_retry::Mutex;
 
+use super::Role;
 use super::latency::{Latency, LatencySummary};
 use crate::codec::{ConvertError, DecodeError, EncodeError};
 
@@ -22,7 +24,7 @@ macro_rules! serialized_by_name {
     };
 }
 
-serialized_by_name!(DropReason, QosEvent);
+serialized_by_name!(DropReason, GoalEvent, QosEvent);
 
 named! {
     /// Reason that a message was not delivered. Every lost message is counted under one of these.
@@ -32,7 +34,7 @@ named! {
     /// use wrapyfi_core::Limits;
     /// use wrapyfi_core::codec::json;
     /// use wrapyfi_core::endpoint::DropReason;
-    /// let error = json::decode(&"{".into(), &Limits::default()).unwrap_err();
+    /// let error = json::decode(&"{".into(), &Limits::default(), &wrapyfi_plugins::standard()).unwrap_err();
     /// assert_eq!(DropReason::from(&error), DropReason::Malformed);
     /// assert_eq!(DropReason::NoConsumer.to_string(), "no_consumer");
     /// ```
@@ -65,9 +67,9 @@ named! {
         /// The destination did not accept the message: a node refused to set a parameter.
         Refused => "refused",
         /// A program that `from_peers`, `to_peers` or the CURVE keys of `clients` do not let in was refused: counted for
-        /// each connection, whose messages nobody sees, or each message.
+        /// each connection, whose messages this program does not see, or each message.
         RefusedPeer => "refused_peer",
-        /// Nobody listens at the destination.
+        /// No program listens at the destination.
         NoConsumer => "no_consumer",
         /// The middleware reported that it lost the message before we saw it.
         LostUpstream => "lost_upstream",
@@ -144,14 +146,46 @@ named! {
     pub fn as_str;
 }
 
+named! {
+    /// Event in the life of an action's goals. Each goal is rejected, or accepted and later ended.
+    ///
+    /// ```
+    /// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+    /// use wrapyfi_core::endpoint::{Counters, GoalEvent};
+    /// let counters = Counters::default();
+    /// counters.goal_event(GoalEvent::Accepted);
+    /// assert_eq!(counters.snapshot().goals, [(GoalEvent::Accepted, 1)]);
+    /// ```
+    pub enum GoalEvent {
+        /// A server accepted the goal.
+        Accepted => "accepted",
+        /// The server rejected the goal, or there was none.
+        Rejected => "rejected",
+        /// Feedback of the goal was passed on.
+        Feedback => "feedback",
+        /// A client asked for the end of the goal.
+        CancelAsked => "cancel_asked",
+        /// The server refused to cancel the goal.
+        CancelRefused => "cancel_refused",
+        /// The goal was reached.
+        Succeeded => "succeeded",
+        /// The goal was given up because a client asked for that.
+        Canceled => "canceled",
+        /// The goal was given up for another reason.
+        Aborted => "aborted",
+    }
+    /// Name in logs, tables and JSON.
+    pub fn as_str;
+}
+
 /// A program that was refused at an endpoint.
 ///
 /// ```
 /// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
-/// use wrapyfi_core::endpoint::{Counters, Refused};
+/// use wrapyfi_core::endpoint::{Counters, Refused, Role};
 /// let counters = Counters::default();
 /// let (who, allow) = ("192.168.1.7".to_owned(), "from_peers: [192.168.1.7]".to_owned());
-/// counters.refused_peer(Refused { who, allow });
+/// counters.refused_peer(Refused { who, allow, roles: vec![Role::Publisher] });
 /// assert_eq!(counters.snapshot().refused.unwrap().allow, "from_peers: [192.168.1.7]");
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -160,6 +194,8 @@ pub struct Refused {
     pub who: String,
     /// Line of the configuration that would let it in.
     pub allow: String,
+    /// Role of the program; of several that are told as one, each that there is.
+    pub roles: Vec<Role>,
 }
 
 impl Refused {
@@ -170,7 +206,12 @@ impl Refused {
     fn joined(all: &[Self]) -> Option<Self> {
         let each =
             |text: fn(&Self) -> &str| all.iter().rev().map(text).collect::<Vec<_>>().join("; ");
-        (!all.is_empty()).then(|| Self { who: each(|it| &it.who), allow: each(|it| &it.allow) })
+        let roles: BTreeSet<Role> = all.iter().flat_map(|it| &it.roles).copied().collect();
+        (!all.is_empty()).then(|| Self {
+            who: each(|it| &it.who),
+            allow: each(|it| &it.allow),
+            roles: roles.into_iter().collect(),
+        })
     }
 }
 
@@ -198,6 +239,7 @@ pub struct Counters {
     undelivered: AtomicU64,
     drops: [AtomicU64; DropReason::ALL.len()],
     qos_events: [AtomicU64; QosEvent::ALL.len()],
+    goals: [AtomicU64; GoalEvent::ALL.len()],
     latency: Latency,
     refused: Mutex<Vec<Refused>>,
 }
@@ -235,6 +277,14 @@ impl Counters {
     /// Number of messages dropped for a reason.
     pub fn dropped_so_far(&self, reason: DropReason) -> u64 {
         self.drops.get(reason as usize).map_or(0, |count| count.load(Relaxed))
+    }
+
+    /// Takes the numbers of dropped messages, to be counted elsewhere: they begin again at none.
+    pub fn take_drops(&self) -> impl Iterator<Item = (DropReason, u64)> {
+        let taken = DropReason::ALL.iter().zip(&self.drops);
+        taken
+            .map(|(&reason, count)| (reason, count.swap(0, Relaxed)))
+            .filter(|(_, count)| *count > 0)
     }
 
     /// Number of messages handed to the destination, and of their bytes.
@@ -285,6 +335,13 @@ impl Counters {
         }
     }
 
+    /// Counts an event of a goal.
+    pub fn goal_event(&self, event: GoalEvent) {
+        if let Some(counter) = self.goals.get(event as usize) {
+            counter.fetch_add(1, Relaxed);
+        }
+    }
+
     /// The counters now. Counters move on while they are read: sums may differ by what is in flight.
     pub fn snapshot(&self) -> CountersSnapshot {
         CountersSnapshot {
@@ -295,6 +352,7 @@ impl Counters {
             unread: self.unread.load(Relaxed),
             drops: happened(&DropReason::ALL, &self.drops),
             qos_events: happened(&QosEvent::ALL, &self.qos_events),
+            goals: happened(&GoalEvent::ALL, &self.goals),
             latency: self.latency.summary(),
             refused: Refused::joined(&self.refused.lock()),
         }
@@ -332,6 +390,9 @@ pub struct CountersSnapshot {
     /// Number of each event of the quality of service; events that never happened are left out.
     #[serde(serialize_with = "as_map")]
     pub qos_events: Vec<(QosEvent, u64)>,
+    /// Number of each event of an action's goals; events that never happened are left out.
+    #[serde(serialize_with = "as_map", skip_serializing_if = "Vec::is_empty")]
+    pub goals: Vec<(GoalEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
     /// Programs that were refused, the last first, counted as [`DropReason::RefusedPeer`]: at most four that differ in
@@ -417,7 +478,8 @@ mod tests {
         let counters = Counters::default();
         assert_eq!(counters.snapshot().refused, None);
         let refuse = |who: &str, key: &str| {
-            counters.refused_peer(Refused { who: who.to_owned(), allow: format!("key {key}") });
+            let (allow, roles) = (format!("key {key}"), vec![Role::Listener]);
+            counters.refused_peer(Refused { who: who.to_owned(), allow, roles });
         };
         let all = || counters.snapshot().refused.map(|it| (it.who, it.allow)).unwrap();
         for (who, key) in [("a:1", "A"), ("b:1", "B"), ("a:2", "A")] {
@@ -438,6 +500,9 @@ mod tests {
             assert_eq!(reason as usize, index);
         }
         for (index, &event) in QosEvent::ALL.iter().enumerate() {
+            assert_eq!(event as usize, index);
+        }
+        for (index, &event) in GoalEvent::ALL.iter().enumerate() {
             assert_eq!(event as usize, index);
         }
     }

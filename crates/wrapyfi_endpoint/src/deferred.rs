@@ -9,72 +9,62 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
 use super::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, OpenResult, Opened,
-    Publisher, Server, ServiceSpec, TopicSpec, Wake,
+    ActionClient, ActionServer, ActionSpec, Cause, Client, Context, DiscoverError, Discovery,
+    Listener, Middleware, OpenError, OpenResult, Opened, Publisher, Server, ServiceSpec,
+    StartError, TopicSpec, Wake,
 };
 use crate::Mutex;
 use crate::backoff::Backoff;
 use wrapyfi_retry::contained;
 
-/// Fault of a try to start a middleware.
-///
-/// See [`DeferredMiddleware::new`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum StartFault {
-    /// The program or network that the middleware needs is not there; it may come.
-    Absent(String),
-    /// The settings can never work.
-    Hopeless(String),
-}
-
 /// Stand-in for a middleware until that can be started.
 ///
 /// ```
 /// use std::sync::Arc;
-/// use wrapyfi_endpoint::{DeferredMiddleware, Middleware, StartFault, memory::Memory};
+/// use wrapyfi_endpoint::{DeferredMiddleware, Middleware, StartError, memory::Memory};
 /// # let is_there = |_: &str| false;
-/// let fault = "nobody answers at 192.168.1.7";
-/// let late = DeferredMiddleware::new("memory", fault.into(), move || match is_there("192.168.1.7") {
+/// let fault = || StartError::Absent("no program answers at 192.168.1.7".into());
+/// let late = DeferredMiddleware::new("memory", fault(), move || match is_there("192.168.1.7") {
 ///     true => Ok(Arc::new(Memory::new("memory")) as _),
-///     false => Err(StartFault::Absent(fault.into())),
+///     false => Err(fault()),
 /// })?;
 /// let error = late.discover().err().unwrap();
-/// assert_eq!(error.to_string(), "memory to start: nobody answers at 192.168.1.7");
+/// assert_eq!(error.to_string(), "memory to start: no program answers at 192.168.1.7");
 /// # Ok::<(), std::io::Error>(())
 /// ```
 pub struct DeferredMiddleware {
     name: &'static str,
-    shared: Arc<Shared>,
+    shared: Arc<DeferredState>,
 }
 
-struct Shared {
+struct DeferredState {
     started: OnceLock<Arc<dyn Middleware>>,
-    fault: Mutex<StartFault>,
+    fault: Mutex<StartError>,
     over: AtomicBool,
     bell: Wake,
 }
 
-impl Shared {
-    fn fault(&self) -> StartFault {
+impl DeferredState {
+    fn fault(&self) -> StartError {
         self.fault.lock().clone()
     }
 }
 
 impl DeferredMiddleware {
-    /// A middleware called `name` that did not start because of `reason`; `start` is called again
-    /// until it succeeds, on a thread of its own.
+    /// A middleware called `name` that did not start because of `fault`; `start` is called again until it succeeds or
+    /// its error is hopeless, on a thread of its own.
     ///
     /// # Errors
     /// When the system gives no thread.
     pub fn new(
         name: &'static str,
-        reason: String,
-        start: impl FnMut() -> Result<Arc<dyn Middleware>, StartFault> + Send + 'static,
+        fault: StartError,
+        start: impl FnMut() -> Result<Arc<dyn Middleware>, StartError> + Send + 'static,
     ) -> std::io::Result<Self> {
-        tracing::warn!("{name} does not start yet, its routes wait: {reason}");
-        let shared = Arc::new(Shared {
+        tracing::warn!("{name} does not start yet, its routes wait: {fault}");
+        let shared = Arc::new(DeferredState {
             started: OnceLock::new(),
-            fault: Mutex::new(StartFault::Absent(reason)),
+            fault: Mutex::new(fault),
             over: AtomicBool::new(false),
             bell: Wake::new(),
         });
@@ -86,7 +76,7 @@ impl DeferredMiddleware {
         Ok(Self { name, shared })
     }
 
-    fn started(&self) -> Result<&dyn Middleware, StartFault> {
+    fn started(&self) -> Result<&dyn Middleware, StartError> {
         self.shared.started.get().map(AsRef::as_ref).ok_or_else(|| self.shared.fault())
     }
 
@@ -94,16 +84,18 @@ impl DeferredMiddleware {
         let middleware = self.name;
         match self.started() {
             Ok(started) => open(started),
-            Err(StartFault::Absent(reason)) => Err(OpenError::NotStarted { middleware, reason }),
-            Err(StartFault::Hopeless(reason)) => Err(OpenError::Refused { middleware, reason }),
+            Err(fault) if fault.is_hopeless() => {
+                Err(OpenError::Refused { middleware, reason: fault.to_string() })
+            }
+            Err(fault) => Err(OpenError::NotStarted { middleware, fault }),
         }
     }
 }
 
 fn keep_trying(
     name: &str,
-    shared: &Shared,
-    mut start: impl FnMut() -> Result<Arc<dyn Middleware>, StartFault>,
+    shared: &DeferredState,
+    mut start: impl FnMut() -> Result<Arc<dyn Middleware>, StartError>,
 ) {
     let mut backoff = Backoff::of_process(1);
     while !shared.over.load(Relaxed) {
@@ -111,7 +103,7 @@ fn keep_trying(
         if shared.over.load(Relaxed) {
             return;
         }
-        let panicked = |panic| Err(StartFault::Absent(format!("its start panicked: {panic}")));
+        let panicked = |panic| Err(StartError::Failed(format!("its start panicked: {panic}")));
         let fault = match contained(&mut start).unwrap_or_else(panicked) {
             Ok(middleware) => {
                 tracing::info!("{name} has started");
@@ -121,14 +113,13 @@ fn keep_trying(
             }
             Err(fault) => fault,
         };
-        let hopeless = matches!(fault, StartFault::Hopeless(_));
+        let is_hopeless = fault.is_hopeless();
         let mut known = shared.fault.lock();
         if *known != fault {
-            let (StartFault::Absent(reason) | StartFault::Hopeless(reason)) = &fault;
-            tracing::warn!("{name} does not start: {reason}");
+            tracing::warn!("{name} does not start: {fault}");
             *known = fault;
         }
-        if hopeless {
+        if is_hopeless {
             return;
         }
     }
@@ -166,6 +157,14 @@ impl Middleware for DeferredMiddleware {
         self.open(|started| started.open_server(spec, context))
     }
 
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        self.open(|started| started.open_action_client(spec, context))
+    }
+
+    fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        self.open(|started| started.open_action_server(spec, context))
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         self.started().map_err(|fault| not_listed(self.name, fault))?.discover()
     }
@@ -174,21 +173,19 @@ impl Middleware for DeferredMiddleware {
         self.started().map_err(|fault| not_listed(self.name, fault))?.discover_closely(topic)
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         match self.started() {
             Ok(started) => started.waiting_for(),
-            Err(StartFault::Absent(reason) | StartFault::Hopeless(reason)) => {
-                Some(format!("{} to start: {reason}", self.name))
-            }
+            Err(fault) => Some(OpenError::NotStarted { middleware: self.name, fault }.into()),
         }
     }
 }
 
-fn not_listed(middleware: &str, fault: StartFault) -> DiscoverError {
+fn not_listed(middleware: &str, fault: StartError) -> DiscoverError {
     let middleware = middleware.to_owned();
-    match fault {
-        StartFault::Absent(reason) => DiscoverError::NotStarted { middleware, reason },
-        StartFault::Hopeless(reason) => DiscoverError::Refused { middleware, reason },
+    match fault.is_hopeless() {
+        true => DiscoverError::Refused { middleware, reason: fault.to_string() },
+        false => DiscoverError::NotStarted { middleware, fault },
     }
 }
 
@@ -201,6 +198,10 @@ mod tests {
     use super::*;
     use crate::memory::Memory;
 
+    fn absent(what: &str) -> StartError {
+        StartError::Absent(what.to_owned())
+    }
+
     fn opened(late: &DeferredMiddleware) -> OpenResult<()> {
         let spec = TopicSpec::new("/t", MessageType::NativeObject);
         late.open_listener(&spec, &Context::default()).map(drop)
@@ -209,15 +210,15 @@ mod tests {
     #[test]
     fn what_needs_it_waits_and_is_told_why_until_it_is_there() {
         let (let_go, held) = std::sync::mpsc::channel::<()>();
-        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
-            held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
+        let late = DeferredMiddleware::new("memory", absent("nobody is there"), move || {
+            held.recv().map_err(|_closed| absent("closed"))?;
             Ok(Arc::new(Memory::new("memory")))
         });
         let late = late.unwrap();
         let error = opened(&late).unwrap_err();
         assert!(error.is_transient());
         assert_eq!(error.to_string(), "memory to start: nobody is there");
-        assert_eq!(late.waiting_for().unwrap(), "memory to start: nobody is there");
+        assert_eq!(late.waiting_for(), Some(error.into()));
         let error = late.discover().map(drop).unwrap_err();
         assert_eq!(error.to_string(), "memory to start: nobody is there");
         let_go.send(()).unwrap();
@@ -227,7 +228,7 @@ mod tests {
         assert_eq!(late.waiting_for(), None);
     }
 
-    /// A default that asks nobody would hide what a wrapper leaves out.
+    /// A default that does not ask the inner middleware would hide what a wrapper leaves out.
     #[test]
     fn each_default_of_a_middleware_asks_the_one_inside() {
         let source = include_str!("lib.rs");
@@ -236,7 +237,7 @@ mod tests {
         for method in methods.split("\n    fn ").skip(1) {
             let (head, body) = method.split_once(" {\n").unwrap_or((method, ""));
             let name = head.split('(').next().unwrap();
-            let is_own = head.contains(';') || ["inner", "no_services"].contains(&name);
+            let is_own = head.contains(';') || name == "inner";
             assert!(is_own || body.contains("self.inner()"), "{name}");
         }
     }
@@ -245,15 +246,16 @@ mod tests {
     fn a_start_that_panics_is_told_and_tried_again() {
         let (let_go, held) = std::sync::mpsc::channel::<()>();
         let mut starts = 0;
-        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
+        let late = DeferredMiddleware::new("memory", absent("nobody is there"), move || {
             starts += 1;
             assert!(starts > 1, "on purpose");
-            held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
+            held.recv().map_err(|_closed| absent("closed"))?;
             Ok(Arc::new(Memory::new("memory")))
         });
         let late = late.unwrap();
-        let told = "memory to start: its start panicked: on purpose";
-        while late.waiting_for().as_deref() != Some(told) {
+        let fault = StartError::Failed("its start panicked: on purpose".to_owned());
+        let told = Cause::from(OpenError::NotStarted { middleware: "memory", fault });
+        while late.waiting_for().as_ref() != Some(&told) {
             std::thread::sleep(Duration::from_millis(5));
         }
         let_go.send(()).unwrap();
@@ -265,9 +267,9 @@ mod tests {
     #[test]
     fn what_can_never_work_is_not_tried_again() {
         let (told, tries) = std::sync::mpsc::channel::<()>();
-        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
+        let late = DeferredMiddleware::new("memory", absent("nobody is there"), move || {
             told.send(()).unwrap();
-            Err(StartFault::Hopeless("not allowed".to_owned()))
+            Err(StartError::refused("not allowed"))
         });
         let late = late.unwrap();
         tries.recv().unwrap();

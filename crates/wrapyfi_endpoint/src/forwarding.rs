@@ -47,7 +47,7 @@ use wrapyfi_data::types::Payload;
 /// # Ok::<(), Box<dyn Error>>(())
 /// ```
 pub trait ForwardingListener {
-    /// Passes over the next message unread, because nobody wants it yet; number of messages lost by
+    /// Passes over the next message unread, because the route does not want it yet; number of messages lost by
     /// that, `None` when none waits. This listener keeps the newest of each publisher that keeps
     /// its last for later listeners, and [`Listener::take`](super::Listener::take) returns those
     /// first.

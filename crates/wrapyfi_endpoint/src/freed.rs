@@ -8,7 +8,7 @@
 //! and has no more would be memory of this process for as long as it lives.
 //!
 //! Contract of the unsafe code here: `malloc_trim` takes a number and no pointer, may be called by any thread at any time,
-//! and gives back pages that nobody holds.
+//! and gives back pages that no allocation holds.
 
 #![allow(unsafe_code, reason = "a call of glibc for which no crate has a safe one")]
 
@@ -31,7 +31,7 @@ pub fn give_memory_back(now: Instant) {
     }
 }
 
-/// Most bytes that have waited, as far as somebody looked.
+/// Most bytes that waited at one of the looks.
 #[derive(Debug)]
 struct Looks {
     most: usize,

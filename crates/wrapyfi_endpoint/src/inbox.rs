@@ -125,9 +125,9 @@ pub trait Waits {
 /// ```
 #[must_use]
 pub fn inbox<T: Waits>(spec: QueueSpec, context: &Context) -> (Sender<T>, Receiver<T>) {
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(Inbox {
         share: Share::default(),
-        state: Mutex::new(State {
+        state: Mutex::new(InboxState {
             queue: VecDeque::with_capacity(spec.depth.min(1024)),
             closed: false,
             starved: Vec::new(),
@@ -139,15 +139,15 @@ pub fn inbox<T: Waits>(spec: QueueSpec, context: &Context) -> (Sender<T>, Receiv
 }
 
 #[derive(Debug)]
-struct Shared<T> {
+struct Inbox<T> {
     share: Share,
-    state: Mutex<State<T>>,
+    state: Mutex<InboxState<T>>,
     spec: QueueSpec,
     context: Context,
 }
 
 #[derive(Debug)]
-struct State<T> {
+struct InboxState<T> {
     queue: VecDeque<T>,
     /// True once the receiver was dropped.
     closed: bool,
@@ -155,7 +155,7 @@ struct State<T> {
     starved: Vec<Waker>,
 }
 
-impl<T: Waits> Shared<T> {
+impl<T: Waits> Inbox<T> {
     /// Gives back the bytes of a message that left the queue.
     fn leaves(&self, message: Option<&T>) {
         if let Some(message) = message {
@@ -168,13 +168,13 @@ impl<T: Waits> Shared<T> {
 ///
 /// See [`Waits`].
 #[derive(Debug)]
-pub struct Sender<T>(Arc<Shared<T>>);
+pub struct Sender<T>(Arc<Inbox<T>>);
 
 /// Receiving end of an inbox.
 ///
 /// See [`Waits`].
 #[derive(Debug)]
-pub struct Receiver<T: Waits>(Arc<Shared<T>>);
+pub struct Receiver<T: Waits>(Arc<Inbox<T>>);
 
 impl<T: Waits> Sender<T> {
     /// Queues `message` as the policy says. It is dropped where the budget of the process is full.
@@ -286,7 +286,7 @@ impl<T: Waits> Sender<T> {
         &self.0.context.counters
     }
 
-    /// True once the receiver was dropped, so that nobody takes messages any more.
+    /// True once the receiver was dropped, so that no route takes messages any more.
     pub fn is_closed(&self) -> bool {
         Arc::strong_count(&self.0) < 2
     }
@@ -315,7 +315,7 @@ impl<T: Waits> Receiver<T> {
     }
 }
 
-/// Counts the messages that nobody took, which are lost.
+/// Counts the messages that the receiver did not take, which are lost.
 impl<T: Waits> Drop for Receiver<T> {
     fn drop(&mut self) {
         let (left, starved) = {

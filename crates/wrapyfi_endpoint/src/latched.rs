@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Publishers keep messages for which their subscribers may come too late, and listeners keep
-//! messages that nobody wants yet.
+//! messages that no route wants yet.
 
 use std::collections::VecDeque;
 

@@ -7,7 +7,9 @@
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::Discovered;
-use wrapyfi_data::types::{MessageType, ParseTypeError, RosType, ServiceKind};
+use wrapyfi_data::types::{
+    MessageType, MessageTypeError, ParseTypeError, RosAction, RosType, ServiceKind,
+};
 
 /// The type of a topic.
 ///
@@ -119,10 +121,27 @@ pub fn service_of_name(
     found: &Discovered,
     types: &mut TypeStore,
 ) -> LearnResult<ServiceKind> {
+    of_name(middleware, found, |name| ServiceKind::resolve(name, types))
+}
+
+/// Looks up the action type that a server announces by a name of ROS 2.
+pub fn action_of_name(
+    middleware: &str,
+    found: &Discovered,
+    types: &mut TypeStore,
+) -> LearnResult<RosAction> {
+    of_name(middleware, found, |name| RosAction::resolve(name, types))
+}
+
+fn of_name<T>(
+    middleware: &str,
+    found: &Discovered,
+    resolve: impl FnOnce(&str) -> Result<T, MessageTypeError>,
+) -> LearnResult<T> {
     let Some(name) = &found.type_name else {
         return Err(LearnError::Untold(middleware.to_owned()));
     };
-    ServiceKind::resolve(name, types).map_err(|error| LearnError::Undefined {
+    resolve(name).map_err(|error| LearnError::Undefined {
         type_name: name.clone(),
         reason: error.to_string(),
     })

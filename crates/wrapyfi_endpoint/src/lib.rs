@@ -15,27 +15,40 @@
 //! above knows its type. [`Client`] and [`Server`] do for requests and replies what [`Publisher`] and
 //! [`Listener`] do for messages.
 
+mod action;
 mod address;
 mod budget;
 pub mod calls;
+mod cause;
+mod cause_code;
+mod cause_parts;
 mod clock;
 pub mod codec;
+#[cfg(feature = "driver")]
+pub mod config;
 mod context;
 mod conventions;
 mod counters;
 mod deferred;
+mod discovered;
 mod discovery;
+#[cfg(feature = "driver")]
+pub mod driver;
 mod forwarding;
 mod freed;
+pub mod function_action;
 mod inbox;
+mod interaction;
 mod latched;
 mod latency;
 mod learn;
 mod link;
 mod mark;
 pub mod memory;
+pub mod method;
 pub mod network;
 mod origin;
+mod outbox;
 #[cfg(feature = "patterns")]
 pub mod pattern;
 mod peers;
@@ -44,9 +57,11 @@ mod qos_match;
 mod qos_pinned;
 mod registry;
 pub mod requests;
+#[cfg(feature = "patterns")]
 mod ros_name;
 mod service;
 mod service_error;
+mod start;
 mod throttle;
 mod topic_error;
 mod wake;
@@ -60,28 +75,34 @@ pub use wrapyfi_retry::backoff;
 #[cfg(feature = "tokio")]
 pub use wrapyfi_retry::restart;
 
+pub use action::{
+    ActionClient, ActionServer, ActionSpec, GoalNumber, GoalOutcome, GoalRequest, GoalUpdate,
+};
 pub use address::{EndpointAddress, ParseAddressError};
 pub use budget::{Budget, PROGRESS, Share, WAITING};
 pub use calls::Ticket;
+pub use cause::Cause;
+pub use cause_code::CauseCode;
+pub use cause_parts::{Absent, CarriedBack, Named, PeerFault, WireType};
 pub use clock::{Clock, RosNow};
 pub use context::Context;
-pub use conventions::Conventions;
-pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent, Refused};
-pub use deferred::{DeferredMiddleware, StartFault};
-pub use discovery::{
-    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
-    Traffic,
-};
+pub use conventions::{Conventions, NameService};
+pub use counters::{Counters, CountersSnapshot, DropReason, GoalEvent, QosEvent, Refused};
+pub use deferred::DeferredMiddleware;
+pub use discovered::{AnnouncedDurability, AnnouncedQos, Discovered, Traffic};
+pub use discovery::{DiscoverError, Discovery, NameFilter};
 pub use forwarding::{ForwardingListener, ForwardingPublisher};
 pub use freed::give_memory_back;
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
+pub use interaction::{Interaction, Role};
 pub use latched::{Latched, MAX_ORIGINS};
 pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, LearnResult, Learned};
-pub use learn::{service_of_name, topic_of_name};
+pub use learn::{action_of_name, service_of_name, topic_of_name};
 pub use link::Link;
 pub use mark::{BridgeMark, ParseMarkError};
 pub use origin::{SampleOrigin, SourceDurability};
+pub use outbox::{Outbox, Pieces};
 pub use peers::Peers;
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
@@ -91,6 +112,7 @@ pub use service::{
     Call, Client, IncomingRequest, Refusal, Reply, Request, RequestId, Server, ServiceSpec,
 };
 pub use service_error::{CallError, ServeError, ServeResult};
+pub use start::{Builder, MiddlewareSettings, Planned, StartError, StartFn};
 pub use throttle::{Throttle, Throttles};
 pub use topic_error::{OpenError, OpenResult, Opened, PublishError, Published, TakeError};
 pub use wake::Wake;
@@ -98,8 +120,9 @@ pub use wake::Wake;
 use wrapyfi_interfaces::store::TypeStore;
 
 use wrapyfi_data::Limits;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{Encoding, Map, MessageType, Payload, ServiceKind};
+use wrapyfi_data::types::{Encoding, Map, MessageType, Payload, RosAction, ServiceKind};
 
 /// A transport that carries topics: ZeroMQ, ROS 2, …
 ///
@@ -168,8 +191,10 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the service can never be called as asked, or the middleware has no services.
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
-        self.inner()
-            .map_or_else(|| Err(self.no_services(spec)), |inner| inner.open_client(spec, context))
+        match self.inner() {
+            Some(inner) => inner.open_client(spec, context),
+            None => Err(OpenError::not_carried(self.name(), Interaction::Service, &spec.service)),
+        }
     }
 
     /// Starts offering a service. Returns at once.
@@ -177,13 +202,33 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the service can never be offered as asked, or the middleware has no services.
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
-        self.inner()
-            .map_or_else(|| Err(self.no_services(spec)), |inner| inner.open_server(spec, context))
+        match self.inner() {
+            Some(inner) => inner.open_server(spec, context),
+            None => Err(OpenError::not_carried(self.name(), Interaction::Service, &spec.service)),
+        }
     }
 
-    /// Error of a middleware that has no services when one is to be opened.
-    fn no_services(&self, spec: &ServiceSpec) -> OpenError {
-        OpenError::NoServices { middleware: self.name().to_owned(), service: spec.service.clone() }
+    /// Prepares sending goals to an action. Returns at once: a server that is not there yet is waited for. By default
+    /// the action is a function of that name ([`function_action`]).
+    ///
+    /// # Errors
+    /// When goals can never be sent as asked, or the middleware has no actions.
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        match self.inner() {
+            Some(inner) => inner.open_action_client(spec, context),
+            None => function_action::open(self, spec, context, None),
+        }
+    }
+
+    /// Starts offering an action. Returns at once.
+    ///
+    /// # Errors
+    /// When the action can never be offered as asked, or the middleware has no actions.
+    fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        match self.inner() {
+            Some(inner) => inner.open_action_server(spec, context),
+            None => Err(OpenError::not_carried(self.name(), Interaction::Action, &spec.action)),
+        }
     }
 
     /// Begins to look for the endpoints of other programs. Returns at once, before any is found.
@@ -208,8 +253,8 @@ pub trait Middleware: Send + Sync {
     }
 
     /// Properties of this middleware on which routes by pattern depend.
-    fn traits(&self) -> Traits {
-        self.inner().map(<dyn Middleware>::traits).unwrap_or_default()
+    fn routing_properties(&self) -> RoutingProperties {
+        self.inner().map(<dyn Middleware>::routing_properties).unwrap_or_default()
     }
 
     /// Learns the type of a topic from the announcement of one of its endpoints. Returns at once:
@@ -232,11 +277,11 @@ pub trait Middleware: Send + Sync {
     }
 
     /// Options with which a listener of the source `name` is opened ahead of its publishers, for listeners at the
-    /// destination of a route ([`Traits::subscribes_first`]); `None` where it is not opened ahead.
+    /// destination of a route ([`RoutingProperties::subscribes_first`]); `None` where it is not opened ahead.
     fn ahead_options(&self, name: &str) -> Option<Map> {
         match self.inner() {
             Some(inner) => inner.ahead_options(name),
-            None => self.traits().subscribes_first.then(Map::default),
+            None => self.routing_properties().subscribes_first.then(Map::default),
         }
     }
 
@@ -252,9 +297,26 @@ pub trait Middleware: Send + Sync {
         }
     }
 
-    /// Reason that this middleware has ended for good, for instance an order to end; `None` while
+    /// Learns the type of an action from its server's announcement, as [`Middleware::learn_topic`].
+    ///
+    /// # Errors
+    /// As [`Middleware::learn_topic`].
+    #[doc(hidden)]
+    fn learn_action(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<RosAction> {
+        match self.inner() {
+            Some(inner) => inner.learn_action(found, types),
+            None => action_of_name(self.name(), found, types),
+        }
+    }
+
+    /// Place for the lines of this program's log, where the middleware has one.
+    fn log_sink(&self) -> Option<Box<dyn LogSink>> {
+        self.inner()?.log_sink()
+    }
+
+    /// Cause for which this middleware has ended for good, for instance an order to end; `None` while
     /// it works, or may work again by itself.
-    fn ended(&self) -> Option<String> {
+    fn ended(&self) -> Option<Cause> {
         self.inner()?.ended()
     }
 
@@ -267,31 +329,37 @@ pub trait Middleware: Send + Sync {
             .map_or_else(|| Some(found.qos.is_some_and(keeps)), |inner| inner.keeps_last(found))
     }
 
-    /// Makes sure that whoever is found under this name is there: it is in the way of a route. Returns at once; who is
-    /// gone is not found any more.
-    fn doubt(&self, name: &str) {
+    /// Makes sure that the program that is found under this name is there: it is in the way of a route. Returns at
+    /// once; who is gone is not found any more.
+    fn verify(&self, name: &str) {
         if let Some(inner) = self.inner() {
-            inner.doubt(name);
+            inner.verify(name);
         }
     }
 
-    /// Reason that nothing of this middleware can work at the moment, for instance a master that
+    /// Cause for which nothing of this middleware can work at the moment, for instance a master that
     /// does not answer; `None` where no fault is known.
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.inner()?.waiting_for()
     }
+}
+
+/// Takes the lines of a program's log. Returns at once: who reads them is not waited for.
+pub trait LogSink: Send + Sync {
+    /// Takes a line of `component`. `level` is `ERROR`, `WARNING`, `INFO` or `DEBUG`.
+    fn write(&self, level: &str, component: &str, text: &str);
 }
 
 /// Properties of a middleware on which routes by pattern depend.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Middleware, Traits, memory::Memory};
+/// use wrapyfi_endpoint::{Middleware, RoutingProperties, memory::Memory};
 /// let bus = Memory::new("memory");
-/// assert_eq!(bus.traits(), Traits::default());
-/// assert!(!bus.traits().any_ros_type);
+/// assert_eq!(bus.routing_properties(), RoutingProperties::default());
+/// assert!(!bus.routing_properties().any_ros_type);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Traits {
+pub struct RoutingProperties {
     /// True where the middleware carries every ROS type as it is.
     pub any_ros_type: bool,
     /// True where every message has a time, which is ROS time and may be simulated.
@@ -310,6 +378,9 @@ pub struct Traits {
     pub untyped: bool,
     /// True where endpoints follow the option `carrier`.
     pub carriers: bool,
+    /// Names, below that of an action, of topics that are its parts. Patterns of topics leave them out where there are
+    /// patterns of actions.
+    pub action_topics: &'static [&'static str],
 }
 
 /// The receiving end of a topic.
@@ -342,7 +413,7 @@ pub trait Listener: Send {
     /// When the next message cannot be used. It is dropped; the one after it can be taken.
     fn take(&mut self) -> Result<Option<Sample>, TakeError>;
 
-    /// Drops the next message unread, because nobody wants it; false when none waits.
+    /// Drops the next message unread, because the route does not want it; false when none waits.
     fn discard(&mut self) -> bool {
         !matches!(self.take(), Ok(None))
     }
@@ -379,7 +450,7 @@ pub trait Listener: Send {
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
 /// let mut publisher = bus.open_publisher(&spec, &Context::default())?;
-/// assert_eq!(publisher.link().peers, Some(0)); // nobody listens yet
+/// assert_eq!(publisher.link().peers, Some(0)); // no program listens yet
 /// let mut listener = bus.open_listener(&spec, &Context::default())?;
 /// assert_eq!(publisher.link().peers, Some(1));
 /// publisher.publish(&Value::from(5).into())?;
@@ -433,8 +504,8 @@ pub struct Review {
     pub warnings: Vec<String>,
     /// Instant at which to look again even if nothing rings.
     pub next: Option<Instant>,
-    /// Reason that fewer messages go out than are given, in words; `None` where all do.
-    pub slowed: Option<String>,
+    /// Cause for which fewer messages go out than are given; `None` where all do.
+    pub slowed: Option<Cause>,
 }
 
 /// Change of an endpoint that was opened again with another quality of service.
@@ -536,6 +607,11 @@ pub struct TopicSpec {
 }
 
 impl TopicSpec {
+    /// Conversion of what is given to the topic to its type.
+    pub fn conversion(&self) -> Conversion {
+        Conversion { to: self.message_type, color_order: self.color_order, limits: self.limits }
+    }
+
     /// A topic with default quality of service, queue and limits.
     pub fn new(topic: impl Into<String>, message_type: MessageType) -> Self {
         Self {
@@ -547,7 +623,7 @@ impl TopicSpec {
             queue: QueueSpec::default(),
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
-            plugins: Plugins::standard(),
+            plugins: wrapyfi_plugins::standard(),
             options: Map::default(),
             mark: None,
             ignore_through: None,

@@ -1,5 +1,7 @@
 //! The connection of an endpoint.
 
+use super::Cause;
+
 /// State of an endpoint's connection, for status tables and for waiting.
 ///
 /// ```
@@ -21,9 +23,16 @@ pub struct Link {
     /// Number of matched peers: listeners of a publisher, publishers of a listener. `None` where
     /// the transport cannot know.
     pub peers: Option<usize>,
-    /// Reason that nothing can flow at the moment (`broker tcp://127.0.0.1:5555 does not answer`);
+    /// Cause for which nothing can flow at the moment, for instance a broker that does not answer;
     /// `None` when the way is open.
-    pub waiting_for: Option<String>,
+    pub waiting_for: Option<Cause>,
     /// True when the last message is kept for listeners that come later (transient local).
     pub keeps_last: bool,
+}
+
+impl Link {
+    /// True when a peer is there, or may be: where the transport cannot know, the way is open.
+    pub fn has_peers(&self) -> bool {
+        self.peers.map_or(self.waiting_for.is_none(), |peers| peers > 0)
+    }
 }

@@ -4,17 +4,19 @@
 //! ```text
 //!   publisher ──▶ topic "/x" ──▶ inbox of every listener
 //!   client ────▶ service "/x" ──▶ one of its servers
+//!   client ────▶ action "/x" ───▶ its server
 //! ```
 
+mod actions;
 mod services;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::{
-    Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, Mutex,
-    Opened, PublishError, Publisher, Receiver, Role, Sample, Sender, Server, ServiceSpec,
-    TakeError, TopicSpec, Wake, inbox,
+    ActionClient, ActionServer, ActionSpec, Client, Context, DiscoverError, Discovered, Discovery,
+    Link, Listener, Middleware, Mutex, Opened, PublishError, Publisher, Receiver, Role, Sample,
+    Sender, Server, ServiceSpec, TakeError, TopicSpec, Wake, inbox,
 };
 use wrapyfi_data::types::Payload;
 
@@ -49,6 +51,7 @@ pub use services::{Carriage, Fate, Way};
 struct Bus {
     topics: BTreeMap<String, Topic>,
     services: BTreeMap<String, services::Service>,
+    actions: BTreeMap<String, actions::Action>,
     carriage: Carriage,
 }
 
@@ -112,6 +115,14 @@ impl Middleware for Memory {
         Ok(Box::new(services::MemoryServer::open(&self.bus, spec, context)))
     }
 
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        Ok(Box::new(actions::MemoryActionClient::open(&self.bus, spec, context)))
+    }
+
+    fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        Ok(Box::new(actions::MemoryActionServer::open(&self.bus, spec, context)))
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(MemoryDiscovery { bus: Arc::clone(&self.bus) }))
     }
@@ -133,10 +144,12 @@ impl Discovery for MemoryDiscovery {
                 },
             )
         });
-        let served = bus.services.iter().flat_map(|(name, service)| {
-            service.ends().map(|(role, count)| Discovered {
+        let services = bus.services.iter().map(|(name, it)| (name, it.ends(), it.type_name()));
+        let actions = bus.actions.iter().map(|(name, it)| (name, it.ends(), it.type_name()));
+        let served = services.chain(actions).flat_map(|(name, ends, type_name)| {
+            ends.map(|(role, count)| Discovered {
                 count: count as u64,
-                type_name: service.type_name().map(str::to_owned),
+                type_name: type_name.map(str::to_owned),
                 ..Discovered::new(name, role)
             })
         });

@@ -11,6 +11,7 @@
 use std::borrow::Cow;
 
 use regex::{Regex, RegexBuilder};
+use regex_syntax::hir::{Hir, HirKind, Repetition};
 
 pub use super::ros_name::{ros_name, with_leading_digits};
 
@@ -54,7 +55,7 @@ impl PartialEq for NamePattern {
 }
 
 impl NamePattern {
-    /// Compiles a pattern; a leading slash is left out, as it is of names.
+    /// Compiles a pattern; a slash at its beginning, or at that of an alternative, is left out, as it is of names.
     ///
     /// # Errors
     /// When the pattern is no regular expression, a glob, or too large; the text goes on from the pattern
@@ -69,16 +70,14 @@ impl NamePattern {
             let fault = last.trim().trim_start_matches("error: ");
             format!("is no regular expression: {fault}")
         };
-        let bare = bare(written);
-        if is_glob(bare) {
+        if is_glob(bare(written)) {
             return Err(
                 "is a glob; a pattern is a regular expression: write (.*) for any text".to_owned()
             );
         }
-        // Parsed as written first, so that an error shows the pattern as the user wrote it; to compile it costs
-        // a hundred times as much.
-        regex_syntax::parse(bare).map_err(|error| last_line(error.to_string()))?;
-        let whole = format!("^(?:{bare})$");
+        // Parsed as written, so that an error shows the pattern as the user wrote it.
+        let parsed = regex_syntax::parse(written).map_err(|error| last_line(error.to_string()))?;
+        let whole = format!("^(?:{})$", without_slash(&parsed));
         let regex = RegexBuilder::new(&whole).size_limit(MAX_COMPILED).build();
         let regex = regex.map_err(|error| match error {
             regex::Error::CompiledTooBig(limit) => {
@@ -148,6 +147,42 @@ impl NamePattern {
         let mut out = String::new();
         captures.expand(template, &mut out);
         (out.len() <= MAX_NAME).then_some(out)
+    }
+}
+
+/// Expression for names without their leading slash: the one that stands at the beginning, also of a group or an
+/// alternative, is left out.
+fn without_slash(pattern: &Hir) -> Hir {
+    match pattern.kind() {
+        HirKind::Literal(text) => {
+            Hir::literal(text.0.strip_prefix(b"/").unwrap_or(&text.0).to_vec())
+        }
+        HirKind::Capture(group) => {
+            let mut group = group.clone();
+            *group.sub = without_slash(&group.sub);
+            Hir::capture(group)
+        }
+        HirKind::Alternation(all) => Hir::alternation(all.iter().map(without_slash).collect()),
+        HirKind::Concat(parts) => {
+            let mut parts = parts.clone();
+            let first = parts.iter_mut().find(|part| !matches!(part.kind(), HirKind::Look(_)));
+            if let Some(first) = first {
+                *first = without_slash(first);
+            }
+            Hir::concat(parts)
+        }
+        HirKind::Repetition(repeated) => {
+            let mut repeated: Repetition = repeated.clone();
+            let is_slash = matches!(repeated.sub.kind(), HirKind::Literal(it) if &*it.0 == b"/");
+            if is_slash {
+                repeated.min = repeated.min.saturating_sub(1);
+                repeated.max = repeated.max.map(|most| most.saturating_sub(1));
+            } else if repeated.max == Some(1) {
+                *repeated.sub = without_slash(&repeated.sub);
+            }
+            Hir::repetition(repeated)
+        }
+        HirKind::Empty | HirKind::Class(_) | HirKind::Look(_) => pattern.clone(),
     }
 }
 
@@ -360,6 +395,28 @@ mod tests {
         assert!(pattern("a|b").matches("/b") && !pattern("a|b").matches("/ab"));
         let named = pattern("(?<robot>[a-z]+)/(?<rest>.*)");
         assert_eq!(named.expand("/r/x/y", "/${rest}/of_$robot").as_deref(), Some("/x/y/of_r"));
+    }
+
+    /// Users of ROS write names with and without their slash.
+    #[test]
+    fn a_slash_at_the_beginning_may_be_optional_and_in_each_alternative() {
+        for (written, matches, others) in [
+            ("/?x", ["/x", "x"], ["/y", "/a/x"]),
+            ("/?(?:cam|arm)/.*", ["/cam/left", "/arm/state"], ["/cam", "/my/arm/state"]),
+            ("/+x", ["/x", "x"], ["/y", "/a/x"]),
+            ("/cam/.*|/arm", ["/cam/left", "/arm"], ["/armor", "/x/arm"]),
+            ("(/left|/right)", ["/left", "/right"], ["/", "/left/x"]),
+            ("(?:/cam/)?raw", ["/cam/raw", "/raw"], ["/cam/cam/raw", "/x/raw"]),
+            ("^/x(?:/y)?$", ["/x", "/x/y"], ["/xy", "/x/y/z"]),
+            ("[^c].*", ["/arm", "/x/cam"], ["/cam", "/c"]),
+            (".am", ["/cam", "/ram"], ["/am", "/x/am"]),
+        ] {
+            let compiled = pattern(written);
+            assert!(matches.iter().all(|name| compiled.matches(name)), "{written}");
+            assert!(!others.iter().any(|name| compiled.matches(name)), "{written}");
+        }
+        let sides = pattern("(?<side>/left|/right)/(.*)");
+        assert_eq!(sides.expand("/left/raw", "/$2/$side").as_deref(), Some("/raw/left"));
     }
 
     #[test]

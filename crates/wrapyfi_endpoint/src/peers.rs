@@ -9,6 +9,7 @@
 
 use std::net::IpAddr;
 
+use super::Role;
 use super::counters::Refused;
 use super::topic_error::{OpenError, OpenResult};
 use wrapyfi_data::types::{Map, Value};
@@ -43,6 +44,7 @@ impl Peers {
         Refused {
             who: format!("{name} at {address} is not among {key} of the route of {topic}"),
             allow: format!("options: {{ {key}: [\"{name}@{address}\"] }}"),
+            roles: vec![if key == Self::FROM { Role::Publisher } else { Role::Listener }],
         }
     }
 
@@ -85,7 +87,7 @@ impl Peers {
         Self::read(value).map(Some).map_err(invalid)
     }
 
-    /// Refuses both lists where nobody keeps them.
+    /// Refuses both lists where the middleware does not keep them.
     ///
     /// # Errors
     /// [`OpenError::InvalidOption`] where there is one.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::discovery::{AnnouncedDurability, AnnouncedQos};
+use super::discovered::{AnnouncedDurability, AnnouncedQos};
 
 /// Effort of delivery: reliable sends lost messages again.
 ///

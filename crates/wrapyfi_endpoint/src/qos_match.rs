@@ -123,13 +123,13 @@ pub struct QosWarning {
 impl fmt::Display for QosWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { policy, peers, count, of } = self;
-        match peers {
-            Role::Publisher | Role::Server => write!(
+        match peers.is_provider() {
+            true => write!(
                 f,
                 "{count} of {of} publishers offer less {policy} than the others: the route asks \
                  for no more than they all offer"
             ),
-            Role::Listener | Role::Client => write!(
+            false => write!(
                 f,
                 "{count} of {of} subscribers ask for a {policy} that no route offers: they stay \
                  unmatched"

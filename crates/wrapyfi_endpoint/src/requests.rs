@@ -29,11 +29,11 @@ pub struct Requests<A> {
     limit: usize,
     context: Context,
     share: Share,
-    state: Mutex<State<A>>,
+    state: Mutex<RequestsState<A>>,
 }
 
 #[derive(Debug)]
-struct State<A> {
+struct RequestsState<A> {
     waiting: VecDeque<Asked<A>>,
     /// Number of requests that the user has not answered.
     open: usize,
@@ -48,7 +48,7 @@ impl<A> Requests<A> {
             limit: spec.pending,
             context: context.clone(),
             share: Share::default(),
-            state: Mutex::new(State { waiting: VecDeque::new(), open: 0, closed: false }),
+            state: Mutex::new(RequestsState { waiting: VecDeque::new(), open: 0, closed: false }),
         }
     }
 

@@ -14,7 +14,7 @@
 //! message, or an error of the server.
 //!
 //! Only [`Client::call`] waits. Otherwise [`Context::wake`](super::Context::wake) rings when a
-//! request or reply can be taken, and `deadline` is the time to look though nobody rang.
+//! request or reply can be taken, and `deadline` is the time to look without a ring.
 
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
@@ -23,6 +23,7 @@ use super::calls::Ticket;
 use super::service_error::{CallError, ServeResult};
 use super::{BridgeMark, Clock, DropReason, Link, Wake};
 use crate::codec;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, Map, Payload, RosMessage, ServiceKind, Value};
 use wrapyfi_data::{DecodeError, Limits};
@@ -258,6 +259,14 @@ impl ServiceSpec {
     /// Largest number of calls or requests under way at once unless said otherwise.
     pub const PENDING: usize = 64;
 
+    /// Conversion of what a function returned to the type that its service carries; `None` for a service of ROS, whose
+    /// messages stay as they are.
+    pub fn conversion(&self) -> Option<Conversion> {
+        let is_function = !matches!(self.kind, ServiceKind::Ros(_));
+        let (to, color_order) = (self.kind.message_type(), self.color_order);
+        is_function.then_some(Conversion { to, color_order, limits: self.limits })
+    }
+
     /// A service with the default time-out and limits.
     pub fn new(service: impl Into<String>, kind: ServiceKind) -> Self {
         Self {
@@ -267,7 +276,7 @@ impl ServiceSpec {
             pending: Self::PENDING,
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
-            plugins: Plugins::standard(),
+            plugins: wrapyfi_plugins::standard(),
             options: Map::default(),
             mark: None,
         }
@@ -331,7 +340,7 @@ pub trait Client: Send {
     /// # Errors
     /// When there is no reply.
     fn call(&mut self, request: &Request, timeout: Duration) -> Result<Reply, CallError> {
-        /// Longest time between two looks: nobody rings at a deadline.
+        /// Longest time between two looks: a deadline does not ring.
         const LOOK: Duration = Duration::from_millis(100);
         let ticket = self.send(request, timeout)?;
         loop {

@@ -1,6 +1,6 @@
 //! Errors of calls and of servers.
 
-use super::DropReason;
+use super::{DropReason, GoalEvent};
 use wrapyfi_data::{DecodeError, EncodeError};
 
 impl CallError {
@@ -12,7 +12,7 @@ impl CallError {
             Self::NoRoom { .. } => DropReason::OverBudget,
             Self::Request { .. } => DropReason::Unencodable,
             Self::Reply { fault, .. } => fault.into(),
-            Self::Refused { .. } => DropReason::Refused,
+            Self::Refused { .. } | Self::NotReached { .. } => DropReason::Refused,
             Self::Transport { .. } => DropReason::SendFailed,
         }
     }
@@ -89,6 +89,16 @@ pub enum CallError {
         /// Service.
         service: String,
         /// Reason in the server's words.
+        reason: String,
+    },
+    /// The server rejected the goal of an action, gave it up, or was asked to.
+    #[error("the goal of {service:?} was {}{}{reason}", how.as_str(), if reason.is_empty() { "" } else { ": " })]
+    NotReached {
+        /// Action.
+        service: String,
+        /// End of the goal: rejected, aborted or canceled.
+        how: GoalEvent,
+        /// Reason in the server's words; empty where it gave none.
         reason: String,
     },
     /// The transport failed.
@@ -179,6 +189,20 @@ pub enum ServeError {
         /// Error of the transport, in its words.
         reason: String,
     },
+}
+
+impl ServeError {
+    /// Reason under which the error is counted.
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::Request { reason, .. } => *reason,
+            Self::Overloaded { .. } => DropReason::Overloaded,
+            Self::NoRoom { .. } => DropReason::OverBudget,
+            Self::Reply { .. } => DropReason::Unencodable,
+            Self::NotWaiting { .. } => DropReason::Expired,
+            Self::Ended(_) | Self::Transport { .. } => DropReason::SendFailed,
+        }
+    }
 }
 
 /// Result of serving a request.

@@ -62,7 +62,7 @@ impl Throttle {
     }
 }
 
-/// Throttles of complaints by their subject, so that one who complains all the time hides nobody else. Beyond
+/// Throttles of complaints by their subject, so that a subject with many complaints hides no other one. Beyond
 /// [`Self::MOST`] at a time, the others have one together.
 ///
 /// ```

@@ -1,6 +1,6 @@
 //! Errors of opening topics, and of taking and sending messages.
 
-use super::DropReason;
+use super::{DropReason, Interaction, StartError};
 use crate::codec::DecodeError;
 use crate::network::ReachedByOthers;
 use wrapyfi_data::EncodeError;
@@ -52,24 +52,26 @@ pub enum OpenError {
         /// Values that the option may have.
         wanted: String,
     },
-    /// The middleware has topics only.
+    /// The middleware does not have this interaction.
     #[error(
-        "{middleware} has no services, so {service:?} cannot be called or offered there: name another \
+        "{middleware} has no {interaction}s, so {name:?} cannot be called or offered there: name another \
          middleware before it"
     )]
-    NoServices {
+    NotCarried {
         /// Middleware asked.
         middleware: String,
-        /// Service as given.
-        service: String,
+        /// Interaction that it does not have.
+        interaction: Interaction,
+        /// Name as given.
+        name: String,
     },
     /// The middleware has not started; it is tried again.
-    #[error("{middleware} to start: {reason}")]
+    #[error("{middleware} to start: {fault}")]
     NotStarted {
         /// Middleware asked.
         middleware: &'static str,
-        /// Reason that the last try failed.
-        reason: String,
+        /// Error of the last try.
+        fault: StartError,
     },
     /// The middleware can never start with its settings.
     #[error("{middleware} does not start: {reason}")]
@@ -121,6 +123,11 @@ impl OpenError {
         Self::Transport { middleware, topic: topic.to_owned(), reason }
     }
 
+    pub(crate) fn not_carried(middleware: &str, interaction: Interaction, name: &str) -> Self {
+        let (middleware, name) = (middleware.to_owned(), name.to_owned());
+        Self::NotCarried { middleware, interaction, name }
+    }
+
     /// True when trying again later can help.
     pub fn is_transient(&self) -> bool {
         matches!(self, Self::Transport { .. } | Self::NotStarted { .. })
@@ -147,7 +154,7 @@ pub enum PublishError {
     /// The payload has no form on this wire.
     #[error(transparent)]
     Encode(#[from] EncodeError),
-    /// Nobody listens, and the transport keeps nothing for later: the message was not sent.
+    /// No program listens, and the transport keeps nothing for later: the message was not sent.
     #[error("nobody listens to {0:?}")]
     NoConsumer(String),
     /// The transport's send queue is full.

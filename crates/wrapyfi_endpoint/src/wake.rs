@@ -18,16 +18,16 @@ use std::time::Duration;
 /// assert!(wake.wait(Duration::from_secs(60))); // returns at once
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Wake(Arc<Shared>);
+pub struct Wake(Arc<Doorbell>);
 
 #[derive(Debug, Default)]
-struct Shared {
-    state: Mutex<State>,
+struct Doorbell {
+    state: Mutex<DoorbellState>,
     changed: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct DoorbellState {
     rung: bool,
     /// Tasks that the next ring wakes.
     tasks: Vec<Waker>,
@@ -70,7 +70,7 @@ impl Wake {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, DoorbellState> {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

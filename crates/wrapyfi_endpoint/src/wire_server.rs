@@ -236,7 +236,7 @@ impl<W: ServerWire> Drop for WireServer<W> {
         if !W::TELLS_END {
             return;
         }
-        // Clients that wait learn at once that nobody will answer.
+        // Clients that wait learn at once that no answer will come.
         for Open { asked, .. } in std::mem::take(&mut self.open).into_values() {
             let text = format!("{:?} ended before it answered", self.service);
             self.refuse(asked.ask, &text);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   left out   the configuration has a route for it; it would come back to where it is from
-//!   rival      another bridge carries it, or somebody else offers the service
+//!   rival      another bridge carries it, or another program offers the service
 //!   made       its type is known: given, told by its source, by its destination, or `type_if_unknown`
 //! ```
 
@@ -10,29 +10,29 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Misfit};
 use super::config_qos::QosConfig;
+use super::pattern::Pattern;
 use super::reconciler::Reconciler;
-use super::route::{Kind, Route, Types, Typing};
+use super::route::{Route, RouteTypes, Types, Typing};
 use super::route_index::is_by_hand;
 use super::route_status::RouteState;
-use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_interfaces::store::TypeStore;
+
+use wrapyfi_data::types::{DataType, MessageType};
 use wrapyfi_endpoint::{
-    BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Middleware, Role, Traits,
+    Absent, BridgeMark, Cause, Discovered, Durability, EndpointAddress, Interaction, LearnError,
+    LearnResult, Middleware, Role, RoutingProperties,
 };
 
-/// Words between the bridge that carries what a source has, for which its own route waits, and the destination.
-pub const CARRIED: &str = ", which carries it to ";
-/// End of the reason for which a source waits whose destination another one has, behind that one.
-pub const GOES_THERE: &str = " goes; write a route with another";
 /// Time after which a candidate whose route could not be made is tried again.
 const RETRY: Duration = Duration::from_secs(2);
 
 /// State of a candidate that has no route, with the reason, and the time until the next look.
-type Refusal = (RouteState, Duration);
+type Refusal = Box<(RouteState, Duration)>;
 
-fn waiting(what: String) -> Refusal {
-    (RouteState::Waiting(what), Duration::ZERO)
+fn waiting(cause: Cause) -> Refusal {
+    Box::new((RouteState::Waiting(cause), Duration::ZERO))
 }
 
 impl Reconciler {
@@ -44,88 +44,109 @@ impl Reconciler {
         from: &EndpointAddress,
         to: &EndpointAddress,
     ) -> bool {
-        let comes_back = self.sources(spec.role(), from, &to.middleware).next().is_none();
+        let comes_back = self.sources(spec.interaction(), from, &to.middleware).next().is_none();
         comes_back || self.is_not_for_patterns(spec, from, to)
     }
 
     /// True where the configuration has a route of its own for these ends, or one of them is what the program has about
-    /// itself: discovery does not list that, so a listener there would seem to wait for somebody else.
+    /// itself: discovery does not list that, so a listener there would seem to wait for another program.
     pub(super) fn is_not_for_patterns(
         &self,
         spec: &Route,
         from: &EndpointAddress,
         to: &EndpointAddress,
     ) -> bool {
-        let role = spec.role();
+        let interaction = spec.interaction();
         let ends = [from, to];
         ends.iter().any(|end| self.own.contains(end))
+            || (interaction == Interaction::Topic
+                && ends.iter().any(|end| self.is_action_part(end)))
             || self
                 .explicit
                 .keys()
-                .any(|it| it.role == role && is_by_hand([&it.from, &it.to], ends))
+                .any(|it| it.interaction == interaction && is_by_hand([&it.from, &it.to], ends))
+    }
+
+    /// True for a topic that is a part of an action, where a pattern carries actions of its middleware.
+    fn is_action_part(&self, end: &EndpointAddress) -> bool {
+        let Some(side) = self.graph.get(&end.middleware) else { return false };
+        let Some((action, word)) = end.name.rsplit_once('/') else { return false };
+        let is_there = |role| !side.endpoints(role, action).is_empty();
+        let carries_actions = |pattern: &Pattern| {
+            let spec = &pattern.spec;
+            let ends = [&spec.from.middleware, &spec.to.middleware];
+            spec.interaction() == Interaction::Action && ends.contains(&&end.middleware)
+        };
+        // The middleware is asked last: it may panic, and no route that is not about actions ends with it.
+        self.patterns.iter().any(carries_actions)
+            && [Role::ActionServer, Role::ActionClient].into_iter().any(is_there)
+            && side.routing_properties().action_topics.contains(&word)
     }
 
     /// Endpoints of a source whose messages did not come through the middleware of the destination.
     fn sources<'s>(
         &'s self,
-        role: Role,
+        interaction: Interaction,
         from: &EndpointAddress,
         to: &'s str,
     ) -> impl Iterator<Item = &'s Discovered> {
         let side = self.graph.get(&from.middleware);
-        let tells = side.is_some_and(|side| side.traits().tells_own);
-        let is_own = !tells && self.ours.contains_key(&(role, from.clone()));
-        let all = side.map_or(&[][..], |side| side.endpoints(role, &from.name));
+        let tells = side.is_some_and(|side| side.routing_properties().tells_own);
+        let is_own = !tells && self.ours.contains_key(&(interaction, from.clone()));
+        let all = side.map_or(&[][..], |side| side.endpoints(interaction.provider(), &from.name));
         let came_back =
             |one: &&Discovered| one.mark.as_ref().is_some_and(|mark| mark.came_through(to));
         all.iter().filter(move |one| !is_own && !came_back(one))
     }
 
-    /// Another program or bridge that does what the candidate's route would do, in words.
-    pub(super) fn rival(&self, spec: &Route, candidate: &Candidate) -> Option<String> {
+    /// Cause that another program or bridge does what the candidate's route would do.
+    pub(super) fn rival(&self, spec: &Route, candidate: &Candidate) -> Option<Cause> {
         let Candidate { from, to, .. } = candidate;
         let side = self.graph.get(&to.middleware)?;
-        let role = spec.role();
-        if !side.traits().tells_own && self.ours.contains_key(&(role, to.clone())) {
+        let interaction = spec.interaction();
+        if !side.routing_properties().tells_own
+            && self.ours.contains_key(&(interaction, to.clone()))
+        {
             return None;
         }
         let who = |one: &Discovered| one.node.clone().unwrap_or_else(|| "another program".into());
-        side.endpoints(role, &to.name).iter().find_map(|one| match (role, &one.mark) {
-            (_, Some(mark)) if mark.bridge >= self.number => None,
-            (Role::Server, _) => {
-                Some(format!("the name {to}, under which {} offers a service", who(one)))
+        side.endpoints(interaction.provider(), &to.name).iter().find_map(|one| {
+            match (interaction, &one.mark) {
+                (_, Some(mark)) if mark.bridge >= self.number => None,
+                (Interaction::Service | Interaction::Action, _) => {
+                    Some(Cause::NameServed { to: to.to_string(), interaction, by: who(one) })
+                }
+                (_, Some(mark)) if mark.came_through(&from.middleware) => {
+                    Some(Cause::Carried { bridge: who(one), to: to.to_string() })
+                }
+                _ => None,
             }
-            (_, Some(mark)) if mark.came_through(&from.middleware) => {
-                Some(format!("the bridge {}{CARRIED}{to} already", who(one)))
-            }
-            _ => None,
         })
     }
 
-    /// Reason, other than its type, that a candidate has no route.
-    pub(super) fn hindrance(&self, spec: &Route, candidate: &Candidate) -> Option<String> {
+    /// Cause, other than its type, that a candidate has no route.
+    pub(super) fn hindrance(&self, spec: &Route, candidate: &Candidate) -> Option<Cause> {
         let Candidate { from, to, .. } = candidate;
-        let role = spec.role();
+        let interaction = spec.interaction();
         if !spec.is_many() {
             return None;
         }
         if let Some(rival) = self.rival(spec, candidate) {
             return Some(rival);
         }
-        if candidate.is_ahead && self.has_source(role, to) {
-            return Some(format!("{to} to have no other source"));
+        if candidate.precedes_publisher && self.has_source(interaction, to) {
+            return Some(Cause::OtherSource(to.to_string()));
         }
         if !spec.policy.merge
-            && let Some(other) = self.taken(role, to)
+            && let Some(other) = self.taken(interaction, to)
         {
-            return Some(format!("the name {to}, to which {other}{GOES_THERE}"));
+            let (to, by) = (to.to_string(), other.to_string());
+            return Some(Cause::DestinationTaken { to, by });
         }
-        self.is_on_both_sides(role, from, to).then(|| {
-            format!(
-                "a decision: {from} and {to} both have publishers, and {} does not tell which are \
-                 bridges'; write a route for it",
-                self.without_marks(from, to)
-            )
+        self.is_on_both_sides(interaction, from, to).then(|| Cause::BothSides {
+            from: from.to_string(),
+            to: to.to_string(),
+            unmarked: self.without_marks(from, to).to_owned(),
         })
     }
 
@@ -137,30 +158,31 @@ impl Reconciler {
     ) -> Result<Route, Refusal> {
         if let Some(why) = self.hindrance(spec, candidate) {
             if let Some(target) = self.middleware(&candidate.to) {
-                target.doubt(&candidate.to.name);
+                target.verify(&candidate.to.name);
             }
             // Of two sources with one name only a user can tell which is meant.
-            let is_taken = self.taken(spec.role(), &candidate.to).is_some();
+            let is_taken = self.taken(spec.interaction(), &candidate.to).is_some();
             let again = if spec.is_many() && is_taken { RETRY } else { Duration::ZERO };
-            return Err((RouteState::Waiting(why), again));
+            return Err(Box::new((RouteState::Waiting(why), again)));
         }
-        let kind = self.kind(spec, candidate)?;
+        let types = self.types(spec, candidate)?;
         let Candidate { from, to, .. } = &*candidate;
-        let role = spec.role();
+        let interaction = spec.interaction();
         let mark = spec.is_many().then(|| {
-            let sources = self.sources(role, from, &to.middleware);
+            let sources = self.sources(interaction, from, &to.middleware);
             let marks = sources.filter_map(|one| one.mark.as_ref());
             BridgeMark::of(self.number, marks, &from.middleware)
         });
-        let has_qos = || self.sources(role, from, &to.middleware).any(|one| one.qos.is_some());
-        let keeps = role == Role::Publisher
+        let has_qos =
+            || self.sources(interaction, from, &to.middleware).any(|one| one.qos.is_some());
+        let keeps = interaction == Interaction::Topic
             && (spec.policy.lazy || has_qos())
             && self.keeps_last(spec, candidate);
-        let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
-        let ahead = self.middleware(from).filter(|_| candidate.is_ahead);
+        let name = if spec.is_many() { candidate.name(interaction) } else { spec.name.clone() };
+        let ahead = self.middleware(from).filter(|_| candidate.precedes_publisher);
         let ahead = ahead.and_then(|source| source.ahead_options(&from.name)).unwrap_or_default();
         let (from, to, typing) = (from.clone(), to.clone(), Typing::Given);
-        let mut route = Route { name, mark, from, to, names: None, kind, typing, ..spec.clone() };
+        let mut route = Route { name, mark, from, to, names: None, types, typing, ..spec.clone() };
         if let QosConfig::Match(qos) = &mut route.policy.qos
             && keeps
         {
@@ -177,21 +199,22 @@ impl Reconciler {
 
     /// Messages or requests of a candidate, with the type that its source shows or, where that shows none, another
     /// one. Notes what the source shows; asking it is the first step to a route.
-    pub(super) fn kind(
+    pub(super) fn types(
         &mut self,
         spec: &Route,
         candidate: &mut Candidate,
-    ) -> Result<Kind, Refusal> {
+    ) -> Result<RouteTypes, Refusal> {
         if spec.typing == Typing::Given {
-            return Ok(spec.kind);
+            return Ok(spec.types);
         }
         let Candidate { from, to, wished, .. } = &*candidate;
         let is_otherwise = spec.typing == Typing::LearnedIfTold;
-        let sources: Vec<_> = self.sources(spec.role(), from, &to.middleware).cloned().collect();
-        match spec.kind {
-            Kind::Topic(types) => {
+        let sources: Vec<_> =
+            self.sources(spec.interaction(), from, &to.middleware).cloned().collect();
+        match spec.types {
+            RouteTypes::Topic(types) => {
                 if let Some(wished) = *wished {
-                    return Ok(Kind::Topic(wished.into()));
+                    return Ok(RouteTypes::Topic(wished.into()));
                 }
                 let (from, to) = (from.clone(), to.clone());
                 let otherwise = is_otherwise.then_some(types.to);
@@ -199,23 +222,32 @@ impl Reconciler {
                 let (source, options) = (self.middleware(&from), &spec.policy.options);
                 let learned = source.map_or(learned, |it| it.received_as(learned, options));
                 candidate.announced_type = is_shown.then(|| learned.label());
-                Ok(Kind::Topic(learned.into()))
+                Ok(RouteTypes::Topic(learned.into()))
             }
-            Kind::Service(kind) => {
+            RouteTypes::Service(kind) => {
                 let otherwise = is_otherwise.then_some(kind);
-                Ok(Kind::Service(self.learn_service(&sources, &from.clone(), otherwise)?))
+                let (sources, from) = ((Role::Server, &*sources), from.clone());
+                let learn: Learn<_> = |middleware, one, types| middleware.learn_service(one, types);
+                self.learn_called(sources, &from, otherwise, learn).map(RouteTypes::Service)
+            }
+            RouteTypes::Action(kind) => {
+                let otherwise = kind.filter(|_| is_otherwise);
+                let (sources, from) = ((Role::ActionServer, &*sources), from.clone());
+                let learn: Learn<_> = |middleware, one, types| middleware.learn_action(one, types);
+                let learned = self.learn_called(sources, &from, otherwise, learn)?;
+                Ok(RouteTypes::Action(Some(learned)))
             }
         }
     }
 
     /// True when a publisher of the source is known to keep its last message. Every publisher is
-    /// asked: nobody can listen to kept messages of a destination that does not offer any, so a
+    /// asked: no program can listen to kept messages of a destination that does not offer any, so a
     /// lazy route opens its source for them.
     pub(super) fn keeps_last(&self, spec: &Route, candidate: &Candidate) -> bool {
         let Candidate { from, to, .. } = candidate;
         let Some(middleware) = self.middleware(from) else { return false };
         let mut keeps = false;
-        for one in self.sources(spec.role(), from, &to.middleware) {
+        for one in self.sources(spec.interaction(), from, &to.middleware) {
             keeps |= middleware.keeps_last(one) == Some(true);
         }
         keeps
@@ -227,10 +259,10 @@ impl Reconciler {
     /// first, or where they cannot. Those of ROS are read as objects, too.
     pub(super) fn other_type(&mut self, spec: &Route, candidate: &mut Candidate) -> Option<String> {
         let Candidate { from, to, made, .. } = &*candidate;
-        let Some(Kind::Topic(Types { to: carried, .. })) = *made else { return None };
+        let Some(RouteTypes::Topic(Types { to: carried, .. })) = *made else { return None };
         let between_ros = self.are_both_ros(from, to);
         let source = self.graph.get(&from.middleware)?;
-        let untyped = source.traits().untyped;
+        let untyped = source.routing_properties().untyped;
         let middleware = source.middleware.clone()?;
         let mut other = None;
         for publisher in source.endpoints(Role::Publisher, &from.name) {
@@ -263,22 +295,29 @@ impl Reconciler {
         Some(format!("its publishers have the type {told} now, not {carried}"))
     }
 
-    /// Type that all servers of the source have now instead of the one that the route learned from those before, in
-    /// words.
-    pub(super) fn other_service(&mut self, spec: &Route, candidate: &Candidate) -> Option<String> {
+    /// Type that all servers of the source's service or action have now instead of the one that the route learned from
+    /// those before, in words.
+    pub(super) fn other_called(&mut self, spec: &Route, candidate: &Candidate) -> Option<String> {
         let Candidate { from, to, made, .. } = candidate;
-        let Some(Kind::Service(called)) = *made else { return None };
+        let called = made.filter(|made| !matches!(made, RouteTypes::Topic(_)))?;
         let middleware = Arc::clone(self.middleware(from)?);
-        let servers: Vec<_> = self.sources(spec.role(), from, &to.middleware).cloned().collect();
+        let servers: Vec<_> =
+            self.sources(spec.interaction(), from, &to.middleware).cloned().collect();
         let mut other = None;
         for server in servers {
-            let told = middleware.learn_service(&server, &mut self.types).ok()?;
+            let types = &mut self.types;
+            let told = match called {
+                RouteTypes::Action(_) => {
+                    RouteTypes::Action(Some(middleware.learn_action(&server, types).ok()?))
+                }
+                _ => RouteTypes::Service(middleware.learn_service(&server, types).ok()?),
+            };
             if told == called {
                 return None;
             }
             other = Some(told);
         }
-        let (told, called) = (other?.ros_type(), called.ros_type());
+        let (told, called) = (other?.label(), called.label());
         Some(format!("its server has the type {told} now, not {called}"))
     }
 
@@ -286,10 +325,12 @@ impl Reconciler {
     pub(super) fn misfits(&mut self, spec: &Route, candidate: &Candidate) -> Misfits {
         let Candidate { from, to, .. } = candidate;
         let mut misfits = Misfits::default();
-        let Some(Kind::Topic(Types { to: carried, .. })) = candidate.made else { return misfits };
+        let Some(RouteTypes::Topic(Types { to: carried, .. })) = candidate.made else {
+            return misfits;
+        };
         let is_given = spec.typing == Typing::Given;
         let between_ros = self.are_both_ros(from, to);
-        let untyped = self.traits(from).untyped;
+        let untyped = self.routing_properties(from).untyped;
         let Some(target) = self.graph.get(&to.middleware) else { return misfits };
         let Some(middleware) = target.middleware.clone() else { return misfits };
         let mut served = false;
@@ -304,9 +345,10 @@ impl Reconciler {
             if untyped && !is_given && candidate.left_type != Some(wanted.label()) && fits() {
                 misfits.instead = misfits.instead.or(Some(wanted));
             }
-            let who = listener.node.as_deref().unwrap_or("a listener");
-            let text = format!("{who} wants {}", wanted.ros_type());
-            misfits.named.get_or_insert(text);
+            misfits.named.get_or_insert_with(|| Misfit {
+                peer: listener.node.clone().unwrap_or_else(|| "a listener".to_owned()),
+                theirs: wanted.ros_type().to_owned(),
+            });
         }
         if served {
             misfits.instead = None;
@@ -315,31 +357,37 @@ impl Reconciler {
     }
 
     fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
-        [from, to].into_iter().all(|end| self.traits(end).any_ros_type)
+        [from, to].into_iter().all(|end| self.routing_properties(end).any_ros_type)
     }
 
     /// True when both ends have publishers of other programs and a middleware shows no marks, so
     /// that nothing tells which of them are a bridge's.
-    fn is_on_both_sides(&self, role: Role, from: &EndpointAddress, to: &EndpointAddress) -> bool {
-        let tells = |end| self.traits(end).shows_marks;
-        if role != Role::Publisher || (tells(from) && tells(to)) {
+    fn is_on_both_sides(
+        &self,
+        interaction: Interaction,
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+    ) -> bool {
+        let tells = |end| self.routing_properties(end).shows_marks;
+        if interaction != Interaction::Topic || (tells(from) && tells(to)) {
             return false;
         }
         let Some(side) = self.graph.get(&to.middleware) else { return false };
-        let is_ours = !side.traits().tells_own && self.ours.contains_key(&(role, to.clone()));
-        !is_ours && !side.endpoints(role, &to.name).is_empty()
+        let is_ours = !side.routing_properties().tells_own
+            && self.ours.contains_key(&(interaction, to.clone()));
+        !is_ours && !side.endpoints(interaction.provider(), &to.name).is_empty()
     }
 
     fn middleware(&self, end: &EndpointAddress) -> Option<&Arc<dyn Middleware>> {
         self.graph.get(&end.middleware)?.middleware.as_ref()
     }
 
-    fn traits(&self, end: &EndpointAddress) -> Traits {
-        self.middleware(end).map(|it| it.traits()).unwrap_or_default()
+    fn routing_properties(&self, end: &EndpointAddress) -> RoutingProperties {
+        self.middleware(end).map(|it| it.routing_properties()).unwrap_or_default()
     }
 
     fn without_marks<'a>(&self, from: &'a EndpointAddress, to: &'a EndpointAddress) -> &'a str {
-        if self.traits(from).shows_marks { &to.middleware } else { &from.middleware }
+        if self.routing_properties(from).shows_marks { &to.middleware } else { &from.middleware }
     }
 
     /// Type of a topic, and whether its source shows it: neither what the source is about to tell nor a type that it
@@ -355,7 +403,7 @@ impl Reconciler {
         let (Some(source), Some(target)) =
             (self.graph.get(&from.middleware), self.graph.get(&to.middleware))
         else {
-            return Err(waiting("its middlewares".to_owned()));
+            return Err(waiting(Cause::Starting("its middlewares")));
         };
         let listeners = target.endpoints(Role::Listener, &to.name);
         let mut why = None;
@@ -379,9 +427,9 @@ impl Reconciler {
                 }
             }
             if told.len() > 1 {
-                let names: Vec<&str> = told.into_keys().collect();
-                let text = format!("{at} has several types: {}; give `type`", names.join(", "));
-                return Err((RouteState::Error(text), RETRY));
+                let types = told.into_keys().map(str::to_owned).collect();
+                let cause = Cause::SeveralTypes { at: at.to_string(), types };
+                return Err(Box::new((RouteState::Error(cause), RETRY)));
             }
             if let Some((_, learned)) = told.pop_first() {
                 return Ok((learned, at == from));
@@ -391,33 +439,37 @@ impl Reconciler {
             (Some(known), None | Some(LearnError::Untold(_))) if !sources.is_empty() => {
                 Ok((known, false))
             }
-            (_, Some(error)) => Err(refused(&error)),
-            (_, None) => Err(waiting(format!("a publisher on {from}, which tells the type"))),
+            (_, Some(error)) => Err(refused(error)),
+            (_, None) => Err(waiting(Cause::Untyped(Absent::at(Role::Publisher, from)))),
         }
     }
 
-    fn learn_service(
+    fn learn_called<T>(
         &mut self,
-        sources: &[Discovered],
+        (role, sources): (Role, &[Discovered]),
         from: &EndpointAddress,
-        otherwise: Option<ServiceKind>,
-    ) -> Result<ServiceKind, Refusal> {
+        otherwise: Option<T>,
+        learn: Learn<T>,
+    ) -> Result<T, Refusal> {
         let middleware = self.middleware(from).cloned();
         let (Some(middleware), Some(server)) = (middleware, sources.first()) else {
-            return Err(waiting(format!("a server of {from}, which tells the type")));
+            return Err(waiting(Cause::Untyped(Absent::at(role, from))));
         };
-        match (middleware.learn_service(server, &mut self.types), otherwise) {
+        match (learn(&*middleware, server, &mut self.types), otherwise) {
             (Ok(kind), _) | (Err(LearnError::Untold(_)), Some(kind)) => Ok(kind),
-            (Err(error), _) => Err(refused(&error)),
+            (Err(error), _) => Err(refused(error)),
         }
     }
 }
 
+/// Way in which a middleware learns the type of a service or an action.
+type Learn<T> = fn(&dyn Middleware, &Discovered, &mut TypeStore) -> LearnResult<T>;
+
 /// Listeners of other types than a route's.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Misfits {
-    /// The first of these listeners, in words.
-    pub(super) named: Option<String>,
+    /// The first of these listeners.
+    pub(super) named: Option<Misfit>,
     /// Type that the route may carry instead, where no listener wants its own.
     pub(super) instead: Option<MessageType>,
 }
@@ -434,9 +486,9 @@ fn is_same(one: MessageType, other: MessageType) -> bool {
     one == other || (!are_ros && one.label() == other.label())
 }
 
-fn refused(error: &LearnError) -> Refusal {
+fn refused(error: LearnError) -> Refusal {
     // The middleware asks again by itself, and the answer may come before `RETRY`.
     let is_on_its_way = matches!(error, LearnError::Asked(_) | LearnError::Silent { .. });
     let again = if is_on_its_way { Duration::ZERO } else { RETRY };
-    (RouteState::Waiting(error.to_string()), again)
+    Box::new((RouteState::Waiting(error.into()), again))
 }

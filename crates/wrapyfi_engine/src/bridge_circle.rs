@@ -10,12 +10,12 @@
 //! of those alone carries nothing round.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use super::circle::shortest_way_back;
 use super::route::RouteKey;
+use wrapyfi_endpoint::{CarriedBack, Cause};
 
 /// End of a route, comparable with the ends of other bridges' routes.
 ///
@@ -58,7 +58,7 @@ pub struct CarriedTopic {
 /// let last = bridge(2, "/back", "zeromq:/x", "ros2:/x");
 /// assert!(first.closing(&[&last]).is_empty()); // the bridge that began last stops its route
 /// let circle = &last.closing(&[&first])[&0];
-/// assert!(circle.starts_with("loop: what this route sends to ros2:/x comes back to zeromq:/x"));
+/// assert_eq!(circle.code(), wrapyfi_endpoint::CauseCode::Cycle);
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BridgeRoutes {
@@ -70,24 +70,11 @@ pub struct BridgeRoutes {
     pub topics: Vec<CarriedTopic>,
 }
 
-/// Way back to a route's source over routes of other bridges: the node of each, and its ends.
-struct WayBack<'b>(Vec<(&'b str, &'b CarriedTopic)>);
-
-impl fmt::Display for WayBack<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (n, (node, CarriedTopic { from, to, .. })) in self.0.iter().enumerate() {
-            let and = if n == 0 { "" } else { ", then " };
-            write!(f, "{and}bridge {node} ({} -> {})", from.address, to.address)?;
-        }
-        Ok(())
-    }
-}
-
 impl BridgeRoutes {
     /// Routes of this bridge that close a circle over `others` and are to stop, by their places in `topics`, each with
     /// the reason. Bridges that began later stop their own.
     #[must_use]
-    pub fn closing(&self, others: &[&Self]) -> BTreeMap<usize, String> {
+    pub fn closing(&self, others: &[&Self]) -> BTreeMap<usize, Cause> {
         let earlier = others.iter().copied().filter(|other| other.bridge < self.bridge);
         let all: Vec<(&Self, &CarriedTopic)> = [self]
             .into_iter()
@@ -114,14 +101,13 @@ impl BridgeRoutes {
         for (first, topic) in self.topics.iter().enumerate() {
             let Some(way) = shortest_way_back(first, next) else { continue };
             let way = way.into_iter().filter_map(|place| all.get(place));
-            let way = WayBack(way.map(|(bridge, topic)| (bridge.node.as_str(), *topic)).collect());
-            let CarriedTopic { from, to, .. } = topic;
-            let reason = format!(
-                "loop: what this route sends to {} comes back to {} through {way}, and would go round for ever; leave \
-                 one of the routes out, or write loop_guard: false here if that is no circle",
-                to.address, from.address
-            );
-            closing.insert(first, reason);
+            let way = way.map(|(bridge, topic)| CarriedBack {
+                bridge: bridge.node.clone(),
+                from: topic.from.address.clone(),
+                to: topic.to.address.clone(),
+            });
+            let (from, to) = (topic.from.address.clone(), topic.to.address.clone());
+            closing.insert(first, Cause::Cycle { from, to, way: way.collect() });
         }
         closing
     }
@@ -164,14 +150,21 @@ mod tests {
         bridges.iter().map(|own| own.closing(&others(own)).into_keys().collect()).collect()
     }
 
+    fn hop(bridge: &str, from: &str, to: &str) -> CarriedBack {
+        let [bridge, from, to] = [bridge, from, to].map(str::to_owned);
+        CarriedBack { bridge, from, to }
+    }
+
     #[test]
     fn the_bridge_that_began_last_stops_the_route_that_closes_a_circle() {
         let there = bridge(1, &[("a", "b", false), ("c", "d", false)]);
         let back = bridge(2, &[("x", "y", false), ("b", "a", false)]);
         let none: &[usize] = &[];
         assert_eq!(stopped(&[there.clone(), back.clone()]), [none, &[1]]);
-        let text = back.closing(&[&there]).remove(&1).unwrap();
-        assert!(text.contains("through bridge /1 (m:a -> m:b), and"), "{text}");
+        let cause = back.closing(&[&there]).remove(&1).unwrap();
+        let through =
+            matches!(&cause, Cause::Cycle { way, .. } if *way == [hop("/1", "m:a", "m:b")]);
+        assert!(through, "{cause}");
         let beside = bridge(3, &[("a", "b", false)]);
         assert_eq!(stopped(&[there.clone(), beside.clone()]), [none, none]);
         assert_eq!(stopped(&[there, beside, back]), [none, &[0], &[1]]);
@@ -184,8 +177,9 @@ mod tests {
             (1..).zip(each).map(|(n, (from, to))| bridge(n, &[(from, to, false)])).collect();
         let none: &[usize] = &[];
         assert_eq!(stopped(&ring), [none, none, &[0]]);
-        let reason = ring[2].closing(&[&ring[0], &ring[1]]).remove(&0).unwrap();
-        assert!(reason.contains("bridge /1 (m:a -> m:b), then bridge /2 (m:b -> m:c)"), "{reason}");
+        let cause = ring[2].closing(&[&ring[0], &ring[1]]).remove(&0).unwrap();
+        let Cause::Cycle { way, .. } = cause else { panic!("{cause}") };
+        assert_eq!(way, [hop("/1", "m:a", "m:b"), hop("/2", "m:b", "m:c")]);
         assert_eq!(stopped(&ring[..2]), [none, none]);
     }
 

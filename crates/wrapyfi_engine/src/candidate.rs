@@ -2,10 +2,25 @@
 
 use std::time::{Duration, Instant};
 
-use super::route::{Kind, RouteKey};
+use super::route::{RouteKey, RouteTypes, ends};
 use super::route_status::RouteState;
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
+
+/// A listener of another type than a route's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Misfit {
+    /// Node of the listener; `a listener` where it is not known.
+    pub(super) peer: String,
+    /// Type that it wants.
+    pub(super) theirs: String,
+}
+
+impl std::fmt::Display for Misfit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} wants {}", self.peer, self.theirs)
+    }
+}
 
 /// A source, and the destination that its route has or would have.
 #[derive(Debug)]
@@ -14,30 +29,30 @@ pub(super) struct Candidate {
     pub(super) to: EndpointAddress,
     /// Destination that it has to go to instead.
     pub(super) moves_to: Option<EndpointAddress>,
-    pub(super) state: State,
+    pub(super) state: CandidateState,
     first_seen: Option<Instant>,
     last_seen: Option<Instant>,
     /// Instant before which no route is made of it, after one that could not be made.
     pub(super) retry_at: Option<Instant>,
     /// True while its source has no publisher yet, and a listener waits at the destination.
-    pub(super) is_ahead: bool,
-    /// Messages that its route carries, or service that it calls.
-    pub(super) made: Option<Kind>,
+    pub(super) precedes_publisher: bool,
+    /// Types that its route carries.
+    pub(super) made: Option<RouteTypes>,
     /// Type that its source has shown last.
     pub(super) announced_type: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
     pub(super) wished: Option<MessageType>,
     /// Type that its route has left because its publishers have another one now, whatever listeners still want.
     pub(super) left_type: Option<&'static str>,
-    /// Listeners that its route cannot serve, in words, as the route was told last.
-    pub(super) misfits: Option<String>,
-    /// True when its route closes the source while nobody listens. It must not where a publisher
+    /// Listener that its route cannot serve, as the route was told last.
+    pub(super) misfits: Option<Misfit>,
+    /// True when its route closes the source while no program listens. It must not where a publisher
     /// keeps messages.
-    pub(super) rests: bool,
+    pub(super) closes_when_unwanted: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum State {
+pub(super) enum CandidateState {
     New,
     /// There is no route; the state says why.
     Waits(RouteState),
@@ -51,38 +66,35 @@ impl Candidate {
             from,
             to,
             moves_to: None,
-            state: State::New,
+            state: CandidateState::New,
             first_seen: seen,
             last_seen: seen,
             retry_at: None,
-            is_ahead: false,
+            precedes_publisher: false,
             made: None,
             announced_type: None,
             wished: None,
             left_type: None,
             misfits: None,
-            rests: false,
+            closes_when_unwanted: false,
         }
     }
 
     /// Name of its route, which is that of any route between the two.
-    pub(super) fn name(&self, role: Role) -> String {
-        match role {
-            Role::Server => format!("{} -> {}", self.to, self.from),
-            _ => format!("{} -> {}", self.from, self.to),
-        }
+    pub(super) fn name(&self, interaction: Interaction) -> String {
+        ends(interaction, &self.from, &self.to)
     }
 
     /// Ends of its route.
-    pub(super) fn key(&self, role: Role) -> RouteKey {
-        RouteKey { role, from: self.from.clone(), to: self.to.clone() }
+    pub(super) fn key(&self, interaction: Interaction) -> RouteKey {
+        RouteKey { interaction, from: self.from.clone(), to: self.to.clone() }
     }
 
     /// Forgets its state under other settings, but not the time since which the source exists.
     pub(super) fn forget(&mut self) {
         *self = Self {
             last_seen: self.last_seen,
-            is_ahead: self.is_ahead,
+            precedes_publisher: self.precedes_publisher,
             ..Self::new(self.from.clone(), self.to.clone(), self.first_seen)
         };
     }
@@ -99,7 +111,7 @@ impl Candidate {
 
     /// Notes that the source was there until `now` if it was seen at `then`: nothing has changed
     /// between.
-    pub(super) fn stayed(&mut self, then: Instant, now: Instant) {
+    pub(super) fn seen_until(&mut self, then: Instant, now: Instant) {
         if self.last_seen == Some(then) {
             self.last_seen = Some(now);
         }
@@ -118,15 +130,20 @@ impl Candidate {
 
     /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of
     /// many. True where it is new.
-    pub(super) fn waits(&mut self, role: Role, state: RouteState, is_one_of_many: bool) -> bool {
+    pub(super) fn set_waiting(
+        &mut self,
+        interaction: Interaction,
+        state: RouteState,
+        is_one_of_many: bool,
+    ) -> bool {
         let is_news = match &self.state {
-            State::Runs(_) => false,
-            State::Waits(known) => *known != state,
-            State::New => true,
+            CandidateState::Runs(_) => false,
+            CandidateState::Waits(known) => *known != state,
+            CandidateState::New => true,
         };
         if is_news {
-            state.log(&self.name(role), is_one_of_many, 0);
-            self.state = State::Waits(state);
+            state.log(&self.name(interaction), is_one_of_many, 0);
+            self.state = CandidateState::Waits(state);
         }
         is_news
     }

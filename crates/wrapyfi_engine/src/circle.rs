@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
 
 use super::route_index::{RouteIndex, has_parameters};
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
 
 /// Routes of a plan of which each goes on where the one before ends, and the last ends where the first
 /// begins.
@@ -56,7 +56,7 @@ impl RouteIndex<'_> {
         let new = ways.filter(|way| seen.insert(way.iter().copied().collect::<BTreeSet<_>>()));
         let circle = |places: Vec<usize>| {
             let routes = || places.iter().filter_map(|place| self.at(*place));
-            let is_of_services = routes().any(|route| route.role() != Role::Publisher);
+            let is_of_services = routes().any(|route| route.interaction() != Interaction::Topic);
             let ends = routes().map(|route| route.from.clone()).collect();
             Circle { ends, is_of_services, places }
         };
@@ -67,7 +67,7 @@ impl RouteIndex<'_> {
     fn way_back(&self, first: usize) -> Option<Vec<usize>> {
         let next = |place: usize| {
             let here = self.all.get(place).into_iter();
-            here.flat_map(|it| self.taking_from(it.route.role(), &it.to)).map(|it| it.place)
+            here.flat_map(|it| self.taking_from(it.route.interaction(), &it.to)).map(|it| it.place)
         };
         let mut way = vec![first];
         way.extend(shortest_way_back(first, next)?);

@@ -14,15 +14,13 @@ use std::time::Duration;
 
 use serde::de::{self, DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-pub use serde_saphyr::Spanned;
 
 use super::config_devices::DevicesConfig;
-use super::config_error::{ConfigError, example};
 use super::config_qos::QosConfig;
-use super::config_reading::Reading;
 use super::config_words::word_or_map;
 use super::stamping::StampSource;
-use wrapyfi_endpoint::Overflow;
+use wrapyfi_endpoint::config::{ConfigError, Reading, Spanned};
+use wrapyfi_endpoint::{Interaction, Overflow};
 
 /// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
 pub(crate) const MAX_ROUTES: usize = 10_000;
@@ -99,7 +97,7 @@ pub struct ProcessLimits {
 #[serde(deny_unknown_fields, default)]
 pub struct PageConfig {
     /// Port of 127.0.0.1 at which it is served; 0 for any that is free (default: no page).
-    pub port: Option<u16>,
+    pub port: Option<Spanned<u16>>,
 }
 
 /// Values for routes that do not set their own.
@@ -137,7 +135,9 @@ pub struct RouteConfig {
     pub to: Option<Spanned<String>>,
     /// Address at which a service has its server, in place of `from` and `to`.
     pub service: Option<Spanned<String>>,
-    /// Address at which the bridge offers that service.
+    /// Address at which an action has its server, in place of `from` and `to`.
+    pub action: Option<Spanned<String>>,
+    /// Address at which the bridge offers that service or action.
     #[serde(rename = "as")]
     pub offered: Option<Spanned<String>>,
     /// Address at which a robot is offered as a control board: its states come from `from`, the movements that clients
@@ -159,7 +159,7 @@ pub struct RouteConfig {
     pub default_deny: Option<Spanned<bool>>,
     /// Largest number of routes that a pattern makes (default: 1000).
     pub max_routes: Option<Spanned<usize>>,
-    /// True where the source is open only while somebody listens (default: true for patterns, else
+    /// True where the source is open only while a program listens (default: true for patterns, else
     /// false).
     pub lazy: Option<Spanned<bool>>,
     /// Message type at the source, where it is another than at the destination (default: `type`).
@@ -201,6 +201,26 @@ pub struct RouteConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct OverflowConfig(pub Overflow);
 
+impl RouteConfig {
+    /// Interaction that the keys of the entry are about.
+    pub fn interaction(&self) -> Interaction {
+        match self {
+            Self { action: Some(_), .. } => Interaction::Action,
+            Self { service: None, offered: None, .. } => Interaction::Topic,
+            _ => Interaction::Service,
+        }
+    }
+
+    /// Addresses of source and destination, under the keys of the entry's interaction.
+    pub fn ends(&self) -> [Option<&Spanned<String>>; 2] {
+        match self.interaction() {
+            Interaction::Topic => [self.from.as_ref(), self.to.as_ref()],
+            Interaction::Service => [self.service.as_ref(), self.offered.as_ref()],
+            Interaction::Action => [self.action.as_ref(), self.offered.as_ref()],
+        }
+    }
+}
+
 impl<E: DeserializeOwned + Default> Config<E> {
     /// Reads a configuration; `file` is its name in errors.
     ///
@@ -231,6 +251,33 @@ impl<E: DeserializeOwned + Default> Config<E> {
         }
         reading
     }
+}
+
+/// Example of a value that a key of routes, limits or the whole file may have.
+fn example(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "page" => "{ port: 8642 }",
+        "limits" => "{ waiting_mib: 1024 }",
+        "defaults" => "{ queue_depth: 10 }",
+        "hosts" => "{ robot-base: 192.168.1.7 }",
+        "definitions" => "[interfaces]",
+        "allow" | "deny" => "[\"/camera/.*\"]",
+        "options" => "{ carrier: udp }",
+        "devices" => "{ load_torch_device: \"cuda:0\" }",
+        "waiting_mib" => "1024",
+        "overflow" => "{ block_ms: 100 }",
+        "qos" => "sensor_data",
+        "stamp" => "source",
+        "timeout_ms" => "5000",
+        "block_ms" => "100",
+        "queue_depth" | "depth" => "10",
+        "max_rate_hz" => "30",
+        "max_message_mib" => "64",
+        "max_routes" => "1000",
+        "port" => "8642",
+        "lazy" | "merge" | "loop_guard" | "default_deny" => "true",
+        _ => return None,
+    })
 }
 
 /// Reads the list of routes, and stops where there are too many.
@@ -409,5 +456,28 @@ mod tests {
         assert!(
             parse(&" ".repeat(MAX_CONFIG_BYTES + 1)).unwrap_err().to_string().contains("1048576")
         );
+    }
+
+    #[test]
+    fn faults_of_yaml_are_told_in_words_of_a_user() {
+        let deep = format!("routes: {}", "[".repeat(5000));
+        for (text, words) in [
+            ("", "no configuration is written here"),
+            ("# to do\n", "no configuration is written here"),
+            ("routes: &r [*r]", "the value contains itself"),
+            ("routes: *r", "`*` names a value that nothing above it names"),
+            ("routes: !!binary aGVsbG8=", "`!!binary` has no place"),
+            ("routes: !!binary ???", "`!!binary` has no place"),
+            ("routes:\n- from: !!binary /w==\n", "`!!binary` has no place"),
+            ("? [a]\n: b", "expected a text"),
+            (&deep, "lists and keys stand too deep inside each other"),
+        ] {
+            let error = Config::<BTreeMap<String, String>>::from_yaml(text, "file").unwrap_err();
+            let told = error.to_string();
+            assert!(told.contains(words), "{text:.40}: {told}");
+            for jargon in ["serial", "recursi", "span", "scalar", "weak", "enum", "input"] {
+                assert!(!told.contains(jargon), "{text:.40}: {told}");
+            }
+        }
     }
 }

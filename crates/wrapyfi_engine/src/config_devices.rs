@@ -11,8 +11,8 @@ use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_saphyr::{Location, Spanned};
 
-use super::config_error::Problem;
 use wrapyfi_data::plugin::{DeviceMaps, DeviceOption};
+use wrapyfi_endpoint::config::Problem;
 
 /// A device by its name, or by its number alone where a library has one kind (CuPy).
 #[derive(Debug, Clone, PartialEq, Eq)]

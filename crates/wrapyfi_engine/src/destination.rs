@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use super::reconciler::Reconciler;
 use super::route::{Route, may_be_meant};
 use wrapyfi_endpoint::pattern::ros_name;
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_endpoint::{EndpointAddress, Interaction, Role};
 
 /// Names that listeners at a destination have, by what ROS 2 has instead; `None` where two have the same replacement.
 pub(super) type Awaited = BTreeMap<String, Option<String>>;
@@ -24,8 +24,8 @@ impl Reconciler {
         to: EndpointAddress,
         awaited: &Awaited,
     ) -> EndpointAddress {
-        let to = self.apart(index, name, to);
-        // Who listens to the very name is meant; so is whoever was meant before, while nobody does.
+        let to = self.without_collision(index, name, to);
+        // Who listens to the very name is meant; so is the listener that was meant before, while no program does.
         if self.is_awaited(&to) {
             return to;
         }
@@ -38,8 +38,9 @@ impl Reconciler {
     /// Names at the destination of a pattern that are awaited there and are none of ROS 2. Nothing tells who calls a
     /// service, and a colon alone is the business of the middleware, which knows its ports.
     pub(super) fn awaited_otherwise(&self, spec: &Route) -> Awaited {
-        let side = self.graph.get(&spec.to.middleware).filter(|side| side.traits().tells_own);
-        let is_asked = spec.role() == Role::Publisher && spec.has_names_of_ros();
+        let side =
+            self.graph.get(&spec.to.middleware).filter(|side| side.routing_properties().tells_own);
+        let is_asked = spec.interaction() == Interaction::Topic && spec.has_names_of_ros();
         let mut awaited = Awaited::new();
         let names = side.filter(|_| is_asked).into_iter().flat_map(|it| it.names(Role::Listener));
         for name in names {
@@ -64,7 +65,12 @@ impl Reconciler {
     /// Destination of the source called `name`, which by itself would go to `to`. Names of YARP may
     /// differ by a colon alone, which no name of ROS has: where `/a/b:o` and `/a/b/o` would become
     /// one name, the one with the colon becomes `/a/b/o_`.
-    fn apart(&self, index: usize, name: &str, mut to: EndpointAddress) -> EndpointAddress {
+    fn without_collision(
+        &self,
+        index: usize,
+        name: &str,
+        mut to: EndpointAddress,
+    ) -> EndpointAddress {
         let (Some((before, last)), Some(pattern)) =
             (name.rsplit_once(':'), self.patterns.get(index))
         else {
@@ -74,9 +80,10 @@ impl Reconciler {
         let Some(side) = self.graph.get(&spec.from.middleware) else { return to };
         let others = self.patterns.iter().map(|other| &other.spec);
         let mut others = others.filter(|other| {
-            other.role() == spec.role() && other.from.middleware == spec.from.middleware
+            other.interaction() == spec.interaction()
+                && other.from.middleware == spec.from.middleware
         });
-        if !side.endpoints(spec.role(), &plain).is_empty()
+        if !side.endpoints(spec.interaction().provider(), &plain).is_empty()
             && others.any(|other| other.target(&plain).as_ref() == Some(&to))
         {
             to.name.push('_');

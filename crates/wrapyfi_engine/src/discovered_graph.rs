@@ -13,7 +13,8 @@ use super::route::Route;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::pattern::Inverse;
 use wrapyfi_endpoint::{
-    DiscoverError, Discovered, Discovery, Middleware, NameFilter, Registry, Role, Traits,
+    Cause, DiscoverError, Discovered, Discovery, Middleware, NameFilter, Registry, Role,
+    RoutingProperties,
 };
 use wrapyfi_retry::contained;
 
@@ -55,11 +56,11 @@ type Meant = Arc<dyn Fn(&str) -> bool + Send + Sync>;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Away {
     /// They cannot be seen now.
-    Waiting(String),
+    Waiting(Cause),
     /// Discovery panicked; it is opened again.
-    Failed(String),
+    Failed(Cause),
     /// They can never be seen.
-    Unable(String),
+    Unable(Cause),
 }
 
 /// The middlewares by name.
@@ -88,7 +89,7 @@ impl DiscoveredGraph {
             let mut side = before.unwrap_or_else(|| match registry.get(name) {
                 Ok(middleware) => DiscoveredMiddleware::empty(Some(Arc::clone(middleware))),
                 Err(unknown) => DiscoveredMiddleware {
-                    away: Some(Away::Unable(unknown.to_string())),
+                    away: Some(Away::Unable(unknown.into())),
                     ..DiscoveredMiddleware::empty(None)
                 },
             });
@@ -148,7 +149,7 @@ impl DiscoveredMiddleware {
             discovery: None,
             listed: Vec::new(),
             found: BTreeMap::new(),
-            away: Some(Away::Waiting("the first look at what exists".to_owned())),
+            away: Some(Away::Waiting(Cause::Starting("the first look at what exists"))),
             retry_at: None,
             backoff: Backoff::new(1),
             panics: 0,
@@ -172,8 +173,8 @@ impl DiscoveredMiddleware {
         }
     }
 
-    pub(super) fn traits(&self) -> Traits {
-        self.middleware.as_ref().map(|it| it.traits()).unwrap_or_default()
+    pub(super) fn routing_properties(&self) -> RoutingProperties {
+        self.middleware.as_ref().map(|it| it.routing_properties()).unwrap_or_default()
     }
 
     /// Reason that nothing can be seen now.
@@ -230,7 +231,8 @@ impl DiscoveredMiddleware {
         tracing::error!("the discovery of {name} panicked, it is opened again: {panic}");
         self.close();
         self.panics += 1;
-        self.lost(Away::Failed(format!("the discovery of {name} panicked: {panic}")))
+        let what = format!("the discovery of {name} panicked");
+        self.lost(Away::Failed(Cause::Panic { what, panic: panic.to_owned() }))
     }
 
     /// Closes the discovery, whose destructor may panic; the next look opens another one.
@@ -256,14 +258,14 @@ impl DiscoveredMiddleware {
                 }
                 Err(
                     error @ (DiscoverError::Unsupported { .. } | DiscoverError::Refused { .. }),
-                ) => return Some(Err(Away::Unable(error.to_string()))),
-                Err(error) => return Some(Err(Away::Waiting(error.to_string()))),
+                ) => return Some(Err(Away::Unable(error.into()))),
+                Err(error) => return Some(Err(Away::Waiting(error.into()))),
             },
         };
         let found = discovery.endpoints();
         Some(match (discovery.waiting_for(), found) {
             (Some(what), _) => Err(Away::Waiting(what)),
-            (None, Err(error)) => Err(Away::Waiting(error.to_string())),
+            (None, Err(error)) => Err(Away::Waiting(error.into())),
             (None, Ok(found)) => Ok(found),
         })
     }

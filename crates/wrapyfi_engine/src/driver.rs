@@ -22,11 +22,8 @@ use super::replacement::{INACTIVE, REMOVED};
 use super::route::RouteKey;
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use wrapyfi_endpoint::{EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake};
+use wrapyfi_endpoint::{Cause, EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
-
-/// Reason that the routes of a bridge wait that is not active.
-pub const TO_BE_ACTIVATED: &str = "the bridge to be activated";
 
 /// Pause between two looks whether all routes are closed.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
@@ -215,8 +212,9 @@ impl Driver {
                 Change::Start { id, route, counters } => {
                     let key = route.key();
                     members.closing.retain(|member| !member.is_closed());
-                    let same_end =
-                        |it: &&Arc<Member>| it.key.role == key.role && it.key.to == key.to;
+                    let same_end = |it: &&Arc<Member>| {
+                        it.key.interaction == key.interaction && it.key.to == key.to
+                    };
                     let after = members.closing.iter().rev().find(same_end).cloned();
                     let pool = Arc::downgrade(&self.pool);
                     let member = Member::new(id, *route, counters, registry, after, pool);
@@ -255,7 +253,7 @@ impl Driver {
     pub fn status(&self) -> Vec<RouteStatus> {
         let latest = self.latest.lock();
         if !latest.is_active {
-            let state = || RouteState::Waiting(TO_BE_ACTIVATED.to_owned());
+            let state = || RouteState::Waiting(Cause::Inactive);
             return latest.plan.routes.iter().map(|it| RouteStatus::planned(it, state())).collect();
         }
         drop(latest);
@@ -288,7 +286,7 @@ impl Driver {
 
     /// Closes the ends of the routes that would close a circle over other bridges, each with the reason, and opens
     /// those of all others again.
-    pub fn keep_closed(&self, circles: &BTreeMap<RouteKey, String>) {
+    pub fn keep_closed(&self, circles: &BTreeMap<RouteKey, Cause>) {
         for member in self.members.lock().running.values() {
             member.keep_closed(circles.get(&member.key));
         }

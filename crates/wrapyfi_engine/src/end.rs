@@ -6,16 +6,18 @@ use std::time::Instant;
 use super::route::Route;
 use super::route_status::RouteState;
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Middleware, OpenError, Qos, QosChange, Registry, Review, Traits};
+use wrapyfi_endpoint::{
+    Cause, Middleware, OpenError, Qos, QosChange, Registry, Review, RoutingProperties,
+};
 use wrapyfi_retry::contained;
 
 /// One end of a route: its middleware and the open endpoint.
-pub(super) struct End<T: ?Sized> {
+pub(super) struct RouteEnd<T: ?Sized> {
     /// The endpoint. It is dropped before the middleware, which may start anew then.
     pub(super) open: Option<Box<T>>,
     pub(super) middleware: Option<Arc<dyn Middleware>>,
     /// Properties of the middleware, asked each time that the endpoint opens: one that has not started has none yet.
-    pub(super) traits: Traits,
+    pub(super) traits: RoutingProperties,
     pub(super) retry_at: Option<Instant>,
     /// Reason that the end is not open.
     pub(super) trouble: Option<RouteState>,
@@ -23,13 +25,13 @@ pub(super) struct End<T: ?Sized> {
     pub(super) qos: Option<Qos>,
 }
 
-impl<T: ?Sized> End<T> {
+impl<T: ?Sized> RouteEnd<T> {
     pub(super) fn new(registry: &Registry, name: &str) -> Self {
         let (middleware, trouble) = match registry.get(name) {
             Ok(middleware) => (Some(Arc::clone(middleware)), None),
-            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
+            Err(unknown) => (None, Some(RouteState::Error(unknown.into()))),
         };
-        let traits = Traits::default();
+        let traits = RoutingProperties::default();
         Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
     }
 
@@ -83,22 +85,22 @@ impl<T: ?Sized> End<T> {
         }
         self.retry_at = None;
         match open(middleware.as_ref()) {
-            Ok(opened) => match contained(|| middleware.traits()) {
+            Ok(opened) => match contained(|| middleware.routing_properties()) {
                 Ok(traits) => {
                     (self.open, self.traits) = (Some(opened), traits);
                     self.trouble = None;
                 }
                 Err(panic) => {
                     let name = middleware.name();
-                    let text = format!("{name} panicked when it was asked for its traits: {panic}");
-                    self.trouble = Some(RouteState::Error(text));
+                    let what = format!("{name} panicked when it was asked for its traits");
+                    self.trouble = Some(RouteState::Error(Cause::Panic { what, panic }));
                 }
             },
             Err(error) if error.is_transient() => {
                 self.retry_at = Some(now + backoff.wait());
-                self.trouble = Some(RouteState::Waiting(error.to_string()));
+                self.trouble = Some(RouteState::Waiting(error.into()));
             }
-            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
+            Err(error) => self.trouble = Some(RouteState::Error(error.into())),
         }
     }
 }
@@ -131,8 +133,11 @@ mod tests {
             self.bus.open_publisher(spec, context)
         }
 
-        fn traits(&self) -> Traits {
-            Traits { ros_time: self.started.get().is_some(), ..Traits::default() }
+        fn routing_properties(&self) -> RoutingProperties {
+            RoutingProperties {
+                ros_time: self.started.get().is_some(),
+                ..RoutingProperties::default()
+            }
         }
     }
 
@@ -141,7 +146,7 @@ mod tests {
         let late = Arc::new(Late { bus: Memory::new("late"), started: OnceLock::new() });
         let mut registry = Registry::default();
         registry.register(Arc::clone(&late) as _);
-        let mut end = End::<dyn Publisher>::new(&registry, "late");
+        let mut end = RouteEnd::<dyn Publisher>::new(&registry, "late");
         late.started.set(()).unwrap();
         end.open_with(Instant::now(), &mut Backoff::new(1), |late| {
             late.open_publisher(&TopicSpec::new("/x", MessageType::Text), &Context::default())

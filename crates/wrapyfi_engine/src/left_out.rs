@@ -1,9 +1,9 @@
 //! Reason that a pattern has no route for a name.
 
-use wrapyfi_endpoint::Conventions;
 use wrapyfi_endpoint::pattern::bare;
+use wrapyfi_endpoint::{Conventions, Interaction};
 
-use super::route::{Kind, Names, Route};
+use super::route::{Names, Route};
 
 /// Reason that a pattern leaves out a name which it matches.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -60,14 +60,15 @@ impl Route {
             rest.is_some_and(|rest| !rest.starts_with(|first: char| first.is_ascii_digit()))
         };
         bare.split('/').any(is_hidden)
-            || match self.kind {
-                Kind::Topic(_) => {
+            || match self.interaction() {
+                Interaction::Topic => {
                     NODE_TOPICS.contains(&bare)
                         || usual.program_topics.iter().any(|prefix| bare.starts_with(prefix))
                 }
-                Kind::Service(_) => {
-                    bare.rsplit('/').next().is_some_and(|last| usual.node_services.contains(&last))
-                }
+                Interaction::Service => bare.rsplit('/').next().is_some_and(|last| {
+                    usual.node_services.iter().any(|services| services.contains(&last))
+                }),
+                Interaction::Action => false,
             }
     }
 }
@@ -78,8 +79,8 @@ mod tests {
 
     use super::super::config::Config;
     use super::super::plan::Plan;
-    use super::super::plan_address::Available;
     use super::*;
+    use wrapyfi_endpoint::driver::Available;
 
     #[test]
     fn the_entry_that_leaves_a_name_out_is_named() {
@@ -130,24 +131,14 @@ mod tests {
         for name in [log, "/tmp/port/1"] {
             assert!(!has_route(with_logs, TOPICS, name) && has_route(usual, TOPICS, name));
         }
-        for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
-            assert!(!has_route(usual, SERVICES, name), "{name}");
-        }
-        // Those of a managed node, and our own, by which a client of another middleware would end a bridge.
-        for name in
-            ["change_state", "get_state", "get_available_states", "get_available_transitions"]
-                .iter()
-                .chain(&["get_transition_graph", "add_route", "remove_route", "list_routes"])
-                .chain(&["explain", "reload"])
-        {
-            assert!(!has_route(usual, SERVICES, &format!("/ros1_bridge/{name}")), "{name}");
+        let node_services: &[&[&str]] = &[&["get_parameters", "change_state"], &["reload"]];
+        let of_nodes = Conventions { node_services, ..usual };
+        for name in ["/talker/get_parameters", "/bridge/change_state", "/bridge/reload"] {
+            assert!(!has_route(of_nodes, SERVICES, name) && has_route(usual, SERVICES, name));
         }
         for name in ["/add", "/get_parameters/of"] {
-            assert!(has_route(usual, SERVICES, name), "{name}");
+            assert!(has_route(of_nodes, SERVICES, name), "{name}");
         }
-        let with_loggers = Conventions { node_services: &["set_logger_level"], ..usual };
-        assert!(!has_route(with_loggers, SERVICES, "/talker/set_logger_level"));
-        // dynamic_reconfigure's.
-        assert!(has_route(with_loggers, SERVICES, "/camera/set_parameters"));
+        assert!(!has_route(usual, SERVICES, "/x/_action/send_goal"));
     }
 }

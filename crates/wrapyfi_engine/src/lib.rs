@@ -40,15 +40,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod action_relay;
 mod admission;
 mod bridge_circle;
 mod candidate;
 mod circle;
 mod config;
 mod config_devices;
-mod config_error;
 mod config_qos;
-mod config_reading;
 mod config_words;
 mod destination;
 mod discovered_graph;
@@ -81,31 +80,26 @@ mod unheard;
 mod work;
 
 pub use admission::may_be_read_as;
-pub use admission::{CARRIED, GOES_THERE};
 pub use bridge_circle::{BridgeRoutes, CarriedTopic, CarryingRoute, NetworkAddress};
 pub use circle::Circle;
-pub use config::{
-    Config, Defaults, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,
-};
+pub use config::{Config, Defaults, OverflowConfig, PageConfig, ProcessLimits, RouteConfig};
 pub use config_devices::{DeviceWord, DevicesConfig};
-pub use config_error::{ConfigError, Examples, MAX_CONFIG_BYTES, Problem};
 pub use config_qos::{QosConfig, QosOverride};
-pub use config_reading::Reading;
-pub use driver::{Driver, TO_BE_ACTIVATED};
+pub use driver::Driver;
 pub use engine::Engine;
 pub use left_out::LeftOut;
 pub use plan::Plan;
-pub use plan_address::Available;
 pub use plan_diff::PlanDiff;
 pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
-pub use reconciler_status::OVER_LIMIT;
-pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
+pub use route::{Names, Policy, Route, RouteKey, RouteTypes, Types, Typing};
 pub use route_index::RouteIndex;
 pub use route_status::{PatternCounts, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use stamping::StampSource;
 pub use tap::Tap;
 pub use unheard::UnheardRoutes;
-pub use work::Step;
+pub use work::Progress;
+pub use wrapyfi_endpoint::config::{ConfigError, MAX_CONFIG_BYTES, Problem, Reading, Spanned};
+pub use wrapyfi_endpoint::driver::Available;
 pub use wrapyfi_endpoint::pattern::NamePattern;

@@ -11,18 +11,20 @@ use std::sync::{Arc, Weak};
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
+use super::action_relay::ActionRelay;
 use super::bridge_circle::CarryingRoute;
+use super::candidate::Misfit;
 use super::pool::{Place, Pool};
 use super::rate::RateMeter;
 use super::relay::Relay;
-use super::route::{Kind, Route, RouteKey};
+use super::route::{Route, RouteKey, RouteTypes};
 use super::route_index::has_parameters;
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
-use super::work::{Ending, Order, Step, Work, not_begun};
+use super::work::{Ending, Order, Progress, Work, not_begun};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Context, Counters, Mutex, Qos, Registry, Throttle};
+use wrapyfi_endpoint::{Cause, Context, Counters, Interaction, Mutex, Qos, Registry, Throttle};
 use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.
@@ -42,7 +44,7 @@ pub(super) struct Member {
     /// True where it stays closed if it would close a circle over other bridges; `None` where it can close none.
     guarded: Option<bool>,
     /// Circle for which the route was told last to stay closed.
-    circle: Mutex<Option<String>>,
+    circle: Mutex<Option<Cause>>,
     context: Context,
     /// Window on its messages; services have none.
     tap: Option<Arc<Tap>>,
@@ -86,8 +88,8 @@ struct Slot {
 #[derive(Default)]
 struct Orders {
     keep_open: bool,
-    misfits: Option<Option<String>>,
-    circle: Option<Option<String>>,
+    misfits: Option<Option<Misfit>>,
+    circle: Option<Option<Cause>>,
     stop: Option<Ending>,
 }
 
@@ -120,15 +122,18 @@ impl Member {
         let identity = RouteStatus::planned(&route, not_begun());
         let context = Context { clock: registry.clock().clone(), counters, ..Context::default() };
         let front = context.clone();
-        let may_circle = matches!(route.kind, Kind::Topic(_)) && !has_parameters(&route);
+        let may_circle = route.interaction() == Interaction::Topic && !has_parameters(&route);
         let guarded = may_circle.then_some(route.policy.loop_guard);
-        let (work, tap): (Box<dyn Work>, _) = match route.kind {
-            Kind::Topic(_) => {
+        let (work, tap): (Box<dyn Work>, _) = match route.types {
+            RouteTypes::Topic(_) => {
                 let relay = Relay::new(route, registry, id, front);
                 let tap = Some(Arc::clone(&relay.tap));
                 (Box::new(relay), tap)
             }
-            Kind::Service(_) => (Box::new(ServiceRelay::new(route, registry, id, front)), None),
+            RouteTypes::Service(_) => {
+                (Box::new(ServiceRelay::new(route, registry, id, front)), None)
+            }
+            RouteTypes::Action(_) => (Box::new(ActionRelay::new(route, registry, id, front)), None),
         };
         let published = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
         Arc::new(Self {
@@ -188,7 +193,7 @@ impl Member {
     }
 
     /// Has the next step close the ends because of a circle, or open them again.
-    pub(super) fn keep_closed(&self, circle: Option<&String>) {
+    pub(super) fn keep_closed(&self, circle: Option<&Cause>) {
         let mut known = self.circle.lock();
         if known.as_ref() != circle {
             known.clone_from(&circle.cloned());
@@ -219,14 +224,14 @@ impl Member {
     }
 
     /// Makes a step on a thread of the pool; the bell rings the pool when the next one is due.
-    pub(super) fn turn(self: &Arc<Self>) -> Option<Step> {
+    pub(super) fn turn(self: &Arc<Self>) -> Option<Progress> {
         // Asked for before the step, so that no ring is lost.
         self.context.wake.notify(&Waker::from(Arc::clone(self)));
         self.step(self.context.clock.now())
     }
 
     /// Brings the route one step on; `None` once it has closed.
-    pub(super) fn step(&self, now: Instant) -> Option<Step> {
+    pub(super) fn step(&self, now: Instant) -> Option<Progress> {
         let mut slot = self.slot.lock();
         let slot = &mut *slot;
         if self.is_ordered.swap(false, Ordering::AcqRel) {
@@ -243,14 +248,14 @@ impl Member {
         }
         let work = slot.work.as_mut()?;
         if let Some(before) = slot.after.take_if(|before| !before.is_closed()) {
-            let what = format!("{}, which another route is leaving", self.key.to);
+            let leaving = Cause::Leaving(self.key.to.to_string());
             slot.after = Some(before);
-            self.publish(slot, RouteState::Waiting(what), [None, None], now);
-            return Some(Step { moved: 0, next: now + CLOSING_LOOK_EVERY });
+            self.publish(slot, RouteState::Waiting(leaving), [None, None], now);
+            return Some(Progress { moved: 0, next: now + CLOSING_LOOK_EVERY });
         }
         slot.after = None;
         if let Some(next) = slot.reopen_at.filter(|at| now < *at) {
-            return Some(Step { moved: 0, next });
+            return Some(Progress { moved: 0, next });
         }
         slot.reopen_at = None;
         let began = self.epoch.elapsed().as_millis().try_into().unwrap_or(u64::MAX - 1);
@@ -284,13 +289,13 @@ impl Member {
     }
 
     /// Closes the ends of a route whose turn panicked outside of the route's own step.
-    pub(super) fn turn_panicked(&self, panic: &str, now: Instant) -> Step {
+    pub(super) fn turn_panicked(&self, panic: &str, now: Instant) -> Progress {
         self.step_began_ms.store(0, Ordering::Relaxed);
         self.contain(&mut self.slot.lock(), panic, now)
     }
 
     /// Closes the ends of a route that panicked; they are opened again after a while.
-    fn contain(&self, slot: &mut Slot, panic: &str, now: Instant) -> Step {
+    fn contain(&self, slot: &mut Slot, panic: &str, now: Instant) -> Progress {
         self.panics.fetch_add(1, Ordering::Relaxed);
         if slot.panicked_at.is_none_or(|at| now.saturating_duration_since(at) >= CALM_AFTER) {
             slot.backoff.reset();
@@ -305,9 +310,10 @@ impl Member {
         }
         self.is_open.store(false, Ordering::Relaxed);
         self.has_source.store(false, Ordering::Relaxed);
-        let why = format!("a step panicked, both ends are opened again: {panic}");
-        self.publish(slot, RouteState::Error(why), [None, None], now);
-        Step { moved: 0, next }
+        let what = "a step panicked, both ends are opened again".to_owned();
+        let cause = Cause::Panic { what, panic: panic.to_owned() };
+        self.publish(slot, RouteState::Error(cause), [None, None], now);
+        Progress { moved: 0, next }
     }
 
     /// Publishes the state of the route. A change of its word is logged; changes of the reason
@@ -380,9 +386,8 @@ impl Member {
     }
 
     fn blocked_state(&self, time: Duration) -> RouteState {
-        let RouteStatus { from, to, .. } = &self.identity;
-        let seconds = time.as_secs();
-        RouteState::Degraded(format!("its step from {from} to {to} has blocked for {seconds} s"))
+        let (from, to) = (self.identity.from.clone(), self.identity.to.clone());
+        RouteState::Degraded(Cause::Blocked { from, to, seconds: time.as_secs() })
     }
 
     /// Status of the route; does not wait for a step in progress.

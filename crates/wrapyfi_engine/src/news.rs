@@ -48,7 +48,7 @@ impl News {
     }
 
     /// Notes a route that cannot be made before a user does something.
-    pub(super) fn lacks(&mut self, route: String, text: String, now: Instant) {
+    pub(super) fn add_waiting(&mut self, route: String, text: String, now: Instant) {
         self.since.get_or_insert(now);
         self.lacking.push((route, text));
     }
@@ -89,7 +89,7 @@ fn summary(types: BTreeMap<&'static str, usize>) -> String {
 }
 
 /// Lowers the log level of routes that end together, and logs their number.
-pub(super) fn lower(changes: &mut [Change]) {
+pub(super) fn summarize_endings(changes: &mut [Change]) {
     let count = changes.iter().filter(|change| matches!(change, Change::Stop { .. })).count();
     if count <= FEW {
         return;
@@ -129,10 +129,10 @@ mod tests {
                 .all(|it| matches!(it, Change::Stop { ending, .. } if ending.is_one_of_many))
         };
         let mut few: Vec<_> = (0..3).map(end).collect();
-        lower(&mut few);
+        summarize_endings(&mut few);
         assert!(!quiet(&few));
         let mut many: Vec<_> = (0..4).map(end).collect();
-        lower(&mut many);
+        summarize_endings(&mut many);
         assert!(quiet(&many));
     }
 }

@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use super::config::{Config, RouteConfig, Spanned};
-use super::config_error::{ConfigError, Problem};
-use super::plan_address::Available;
+use super::config::{Config, RouteConfig};
 use super::plan_entry::Reader;
-use super::route::{BOARD_OPTION, Kind, Route, RouteKey};
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use super::route::{BOARD_OPTION, Route, RouteKey};
+use wrapyfi_endpoint::config::{ConfigError, Problem, Spanned};
+use wrapyfi_endpoint::driver::Available;
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
 use wrapyfi_interfaces::store::TypeStore;
 
 /// Type of the states of a control board.
@@ -53,15 +53,15 @@ impl Plan {
     /// it only calls services.
     pub fn is_reached_on(&self, middleware: &str) -> bool {
         self.routes.iter().any(|route| {
-            let is_called = matches!(route.kind, Kind::Service(_)) && route.is_whole();
+            let is_called = route.interaction() != Interaction::Topic && route.is_whole();
             route.to.middleware == middleware || (route.from.middleware == middleware && !is_called)
         })
     }
 
-    /// True where a service has an end on this middleware.
+    /// True where a service has an end on this middleware, or an action, which is a function where there are none.
     pub fn has_services_on(&self, middleware: &str) -> bool {
-        let services = self.routes.iter().filter(|it| matches!(it.kind, Kind::Service(_)));
-        services.flat_map(|it| [&it.from, &it.to]).any(|end| end.middleware == middleware)
+        let called = self.routes.iter().filter(|it| it.interaction() != Interaction::Topic);
+        called.flat_map(|it| [&it.from, &it.to]).any(|end| end.middleware == middleware)
     }
 
     /// Size of the largest message of a route with an end on this middleware, in bytes.
@@ -101,7 +101,7 @@ impl Plan {
         let mut reader = Reader::new(config, middlewares, types);
         let mut routes: Vec<Route> = Vec::with_capacity(config.routes.len());
         let mut seen: BTreeMap<RouteKey, u64> = BTreeMap::new();
-        let mut into: BTreeMap<(Role, EndpointAddress), (u64, bool)> = BTreeMap::new();
+        let mut into: BTreeMap<(Interaction, EndpointAddress), (u64, bool)> = BTreeMap::new();
         let mut names = BTreeMap::new();
         if config.routes.is_empty() {
             let message = "no routes: nothing to do".to_owned();
@@ -112,22 +112,20 @@ impl Plan {
             let entry = &*entry;
             let Some(route) = reader.read(entry) else { continue };
             let (line, key) = (entry.referenced.line(), route.key());
-            let place = (key.role, key.to.clone());
+            let place = (key.interaction, key.to.clone());
             let merges = entry.value.merge;
             let taken = into.get(&place).filter(|(_, others)| !(*others && merges));
             let fault = match (seen.insert(key, line), taken) {
                 (Some(first), _) => {
                     Some(format!("route {} stands already in {}", route.ends(), at(first)))
                 }
-                (None, Some((first, _))) if !route.is_many() => Some(match route.kind {
-                    Kind::Service(_) => {
-                        format!("{} already offers a service as {}", at(*first), route.to)
-                    }
-                    Kind::Topic(_) => format!(
+                (None, Some((first, _))) if !route.is_many() => Some(match route.interaction() {
+                    Interaction::Topic => format!(
                         "{} already routes to {}; write merge: true on both to mix them",
                         at(*first),
                         route.to
                     ),
+                    called => format!("{} already offers a {called} as {}", at(*first), route.to),
                 }),
                 _ => None,
             };
@@ -401,7 +399,7 @@ mod tests {
     fn text_between_two_ros_stays_as_it_is() {
         let types = |route: &str| {
             let plan = plan(&format!("routes:\n  - {{ {route} }}\n")).unwrap();
-            plan.routes[0].types()
+            plan.routes[0].message_types()
         };
         let string = "type: std_msgs/msg/String";
         let text = MessageType::Text.into();

@@ -2,58 +2,11 @@
 
 use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
-use wrapyfi_data::types::Value;
 
-use super::config_error::Problem;
+use wrapyfi_endpoint::config::Problem;
+use wrapyfi_endpoint::driver::Available;
 use wrapyfi_endpoint::pattern::is_pattern;
-use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
-
-/// A middleware that routes may name.
-///
-/// See [`Plan`](super::Plan).
-///
-/// ```
-/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
-/// use wrapyfi_core::engine::Available;
-/// let must_be_absolute = |topic: &str| match topic.starts_with('/') {
-///     true => Ok(()),
-///     false => Err("a name begins with /".to_owned()),
-/// };
-/// let mine = Available { name: "mine", check_topic: &must_be_absolute, ..Available::default() };
-/// assert!((mine.check_topic)("camera").is_err());
-/// ```
-#[derive(Clone, Copy)]
-pub struct Available<'a> {
-    /// Name in addresses.
-    pub name: &'a str,
-    /// Rule of the middleware for topic names; the error names the fault.
-    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
-    /// Settings that only this middleware and few others have, as `options` of a route names them.
-    pub options: &'a [&'a str],
-    /// Rule of the middleware for the value of one of them; the error names the fault.
-    pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
-    /// Those of them that only the source of a route has, because they are about what is received.
-    pub source_options: &'a [&'a str],
-    /// Those of them that only the destination of a route has, because they are about what is sent.
-    pub destination_options: &'a [&'a str],
-    /// Conventions of the middleware for types and names.
-    #[doc(hidden)]
-    pub conventions: Conventions,
-}
-
-impl Default for Available<'_> {
-    fn default() -> Self {
-        Self {
-            name: "",
-            check_topic: &|_| Ok(()),
-            options: &[],
-            check_option: &|_, _| Ok(()),
-            source_options: &[],
-            destination_options: &[],
-            conventions: Conventions::NONE,
-        }
-    }
-}
+use wrapyfi_endpoint::{EndpointAddress, ParseAddressError};
 
 /// Reads the address of one topic or service.
 pub(super) fn address(

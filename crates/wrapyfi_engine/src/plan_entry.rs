@@ -5,18 +5,19 @@ use std::time::Duration;
 use serde_saphyr::Location;
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config::{Config, Defaults, OverflowConfig, RouteConfig};
 use super::config_devices::DevicesConfig;
-use super::config_error::Problem;
-use super::plan_address::{Available, address, middleware_of};
+use super::plan_address::{address, middleware_of};
 use super::plan_options;
-use super::route::{Kind, Names, Policy, Route, Types, Typing};
+use super::route::{Names, Policy, Route, RouteTypes, Types, Typing};
 use wrapyfi_data::Limits;
 use wrapyfi_data::codec::is_convertible;
 use wrapyfi_data::plugin::DeviceMaps;
-use wrapyfi_data::types::{DataType, Encoding, MessageType, ServiceKind};
+use wrapyfi_data::types::{DataType, Encoding, MessageType, RosAction, ServiceKind};
+use wrapyfi_endpoint::config::{Problem, Spanned};
+use wrapyfi_endpoint::driver::Available;
 use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
-use wrapyfi_endpoint::{Conventions, EndpointAddress, QueueSpec, ServiceSpec};
+use wrapyfi_endpoint::{Conventions, EndpointAddress, Interaction, QueueSpec};
 
 /// Most routes that one pattern makes, unless `max_routes` says otherwise.
 pub(crate) const MAX_PATTERN_ROUTES: usize = 1000;
@@ -92,18 +93,15 @@ impl<'r> Reader<'r> {
 
     /// Reads the route of an entry, and notes its faults; `None` where its ends cannot be read.
     pub(super) fn read(&mut self, entry: &Entry) -> Option<Route> {
-        let is_service = entry.value.service.is_some() || entry.value.offered.is_some();
-        self.misplaced(entry, is_service);
-        let ends = self.ends(entry, is_service);
-        let kind = self.kind(&entry.value, is_service);
-        let policy = self.policy(entry, is_service, ends.as_ref(), kind);
+        let interaction = entry.value.interaction();
+        self.misplaced(entry, interaction);
+        let ends = self.ends(entry, interaction);
+        let types = self.types(&entry.value, interaction);
+        let policy = self.policy(entry, interaction, ends.as_ref(), types);
         let (from, to, names) = ends?;
-        let (kind, typing) = kind.unwrap_or(match is_service {
-            true => (Kind::Service(ServiceKind::NativeObject), Typing::Given),
-            false => (Kind::Topic(MessageType::NativeObject.into()), Typing::Given),
-        });
-        let mut route = Route { names, typing, policy, ..Route::new(from, to, kind) };
-        if let Kind::Topic(types) = &mut route.kind {
+        let (types, typing) = types.unwrap_or((not_read(interaction), Typing::Given));
+        let mut route = Route { names, typing, policy, ..Route::new(from, to, types) };
+        if let RouteTypes::Topic(types) = &mut route.types {
             let has_text_type = |end| self.conventions(end).has_text_type;
             if *types == MessageType::StringJson.into()
                 && [&route.from, &route.to].into_iter().all(has_text_type)
@@ -131,9 +129,9 @@ impl<'r> Reader<'r> {
     }
 
     /// Notes the keys that mean nothing where they stand.
-    fn misplaced(&mut self, entry: &Entry, is_service: bool) {
+    fn misplaced(&mut self, entry: &Entry, interaction: Interaction) {
         let config = &entry.value;
-        let source = config.from.as_ref().or(config.service.as_ref());
+        let [source, _] = config.ends();
         if !source.is_some_and(|source| is_pattern(&source.value)) {
             for (key, at) in [
                 ("allow", place(&config.allow)),
@@ -142,7 +140,7 @@ impl<'r> Reader<'r> {
                 ("max_routes", place(&config.max_routes)),
             ] {
                 let Some(at) = at else { continue };
-                let only = "`from` (or `service`) is no pattern such as \"ros:/(.*)\"";
+                let only = "`from` (or `service`, `action`) is no pattern such as \"ros:/(.*)\"";
                 self.complain(at, format!("{key} has no effect: {only}"));
             }
         }
@@ -153,7 +151,7 @@ impl<'r> Reader<'r> {
             let text = "from_type needs a type: give both, or neither";
             self.complain(own.referenced, text);
         }
-        if !is_service {
+        if interaction == Interaction::Topic {
             if let Some(timeout) = &config.timeout_ms {
                 let text = "timeout_ms has no effect on topics: only services are answered";
                 self.complain(timeout.referenced, text);
@@ -162,7 +160,10 @@ impl<'r> Reader<'r> {
         }
         for (key, written) in [("from", &config.from), ("to", &config.to)] {
             if let Some(written) = written {
-                let text = format!("`{key}` stands beside a service: give service and as only");
+                let text = format!(
+                    "`{key}` stands beside {} {interaction}: give {interaction} and as only",
+                    interaction.article()
+                );
                 self.complain(written.referenced, text);
             }
         }
@@ -181,7 +182,9 @@ impl<'r> Reader<'r> {
             ("loop_guard", config.loop_guard.is_some()),
         ] {
             if is_given {
-                self.complain(entry.referenced, format!("{key} has no effect on a service"));
+                let what = interaction.article();
+                let text = format!("{key} has no effect on {what} {interaction}");
+                self.complain(entry.referenced, text);
             }
         }
     }
@@ -190,35 +193,34 @@ impl<'r> Reader<'r> {
     fn ends(
         &mut self,
         entry: &Entry,
-        is_service: bool,
+        interaction: Interaction,
     ) -> Option<(EndpointAddress, EndpointAddress, Option<Names>)> {
         let config = &entry.value;
-        let [(from_key, from), (to_key, to)] = match is_service {
-            true => [("service", &config.service), ("as", &config.offered)],
-            false => [("from", &config.from), ("to", &config.to)],
-        };
+        let ([from, to], [from_key, to_key]) = (config.ends(), interaction.keys());
         for (key, written) in [(from_key, from), (to_key, to)] {
             if written.is_none() {
-                let text =
-                    format!("key `{key}` is missing: a route has from and to, or service and as");
+                let text = format!(
+                    "key `{key}` is missing: a route has from and to, or service and as, or action and as"
+                );
                 self.complain(entry.referenced, text);
             }
         }
-        let is_many = from.as_ref().is_some_and(|from| is_pattern(&from.value));
+        let is_many = from.is_some_and(|from| is_pattern(&from.value));
         let read = if is_many { middleware_of } else { address };
-        let mut end = |written: &Option<Spanned<String>>| {
-            let read = written.as_ref().map(|text| read(text, self.middlewares))?;
+        let mut end = |written: Option<&Spanned<String>>| {
+            let read = read(written?, self.middlewares);
             self.noted(read)
         };
         let (source, target) = (end(from), end(to));
         let names = match &source {
             Some(source) if is_many => {
-                let target = target.as_ref().zip(to.as_ref());
-                Some(self.names(config, source, from.as_ref()?, target, to_key)?)
+                let target = target.as_ref().zip(to);
+                Some(self.names(config, source, from?, target, [from_key, to_key])?)
             }
             _ => None,
         };
-        let (source, target, from) = (source?, target?, from.as_ref()?);
+        let (source, target, from) = (source?, target?, from?);
+        self.carried(config, interaction, [&source, &target], from.referenced);
         let goes_to_itself = match &names {
             None => source == target,
             Some(names) => {
@@ -227,16 +229,71 @@ impl<'r> Reader<'r> {
             }
         };
         if goes_to_itself {
-            let text = match (&names, is_service) {
-                (None, false) => format!("route from {source} to itself: it would loop"),
-                (None, true) => {
-                    format!("service {source} is offered as itself: it would call itself")
+            let text = match (&names, interaction) {
+                (None, Interaction::Topic) => {
+                    format!("route from {source} to itself: it would loop")
+                }
+                (None, called) => {
+                    format!("{called} {source} is offered as itself: it would call itself")
                 }
                 (Some(_), _) => format!("{source} to {target}: every topic would go to itself"),
             };
             self.complain(from.referenced, text);
         }
         Some((source, target, names))
+    }
+
+    /// Notes where an end of a route has no such interaction, and where a setting is about functions alone, or they
+    /// need one.
+    fn carried(
+        &mut self,
+        config: &RouteConfig,
+        interaction: Interaction,
+        ends: [&EndpointAddress; 2],
+        place: Location,
+    ) {
+        let is_end = |one: &&Available<'_>| ends.iter().any(|end| end.middleware == one.name);
+        let at_ends = self.middlewares.iter().filter(is_end);
+        let [source, destination] = ends;
+        // A function stands for an action that its middleware does not have, but is offered as none.
+        let has_function = |one: &&Available<'_>| {
+            interaction == Interaction::Action
+                && one.interactions.contains(&Interaction::Service)
+                && one.name == source.middleware
+                && one.name != destination.middleware
+        };
+        let lacks =
+            |one: &&Available<'_>| !one.interactions.contains(&interaction) && !has_function(one);
+        let carries = |one: &Available<'_>| {
+            let words: Vec<_> = one.interactions.iter().map(|one| format!("{one}s")).collect();
+            format!("{} carries {}", one.name, words.join(" and "))
+        };
+        let lacking: Vec<_> = at_ends.clone().filter(lacks).map(carries).collect();
+        let is_function = at_ends
+            .clone()
+            .any(|one| !one.interactions.contains(&interaction) && has_function(&one));
+        if is_function && config.message_type.is_none() && config.type_if_unknown.is_none() {
+            let text = format!(
+                "a function on {} does not tell the type of an action: give `type` as package/action/Type",
+                source.middleware
+            );
+            self.complain(place, text);
+        }
+        if interaction == Interaction::Action
+            && !is_function
+            && let Some(timeout) = &config.timeout_ms
+        {
+            let text = "timeout_ms has no effect on an action whose server is one: it says itself when a goal has ended";
+            self.complain(timeout.referenced, text);
+        }
+        if !lacking.is_empty() {
+            let text = format!(
+                "no route of {interaction}s is possible here: {}; leave it out, or write routes of its topics with \
+                 from and to",
+                lacking.join(", ")
+            );
+            self.complain(place, text);
+        }
     }
 
     /// Reads the names that a pattern means.
@@ -246,10 +303,9 @@ impl<'r> Reader<'r> {
         source: &EndpointAddress,
         from: &Spanned<String>,
         target: Option<(&EndpointAddress, &Spanned<String>)>,
-        to_key: &str,
+        [from_key, to_key]: [&str; 2],
     ) -> Option<Names> {
         let before = self.problems.len();
-        let from_key = if to_key == "as" { "service" } else { "from" };
         let mut compile = |key: &str, text: &Spanned<String>, written: &str| {
             let wrong = |fault| format!("{key} {written:?} {fault}");
             let compiled = NamePattern::new(written);
@@ -292,20 +348,35 @@ impl<'r> Reader<'r> {
         (self.problems.len() == before).then_some(names)
     }
 
-    /// Reads the types and their origin.
-    fn kind(&mut self, config: &RouteConfig, is_service: bool) -> Option<(Kind, Typing)> {
+    /// Reads the types and their origin; `None` where they cannot be read.
+    fn types(
+        &mut self,
+        config: &RouteConfig,
+        interaction: Interaction,
+    ) -> Option<(RouteTypes, Typing)> {
         let (typing, written) = match (&config.message_type, &config.type_if_unknown) {
             (Some(given), _) => (Typing::Given, Some(given)),
             (None, Some(otherwise)) => (Typing::LearnedIfTold, Some(otherwise)),
             (None, None) => (Typing::Learned, None),
         };
-        if is_service {
+        if interaction == Interaction::Service {
             let resolved = written.map(|text| {
                 ServiceKind::resolve(&text.value, self.types)
                     .map_err(|fault| Problem::at(text.referenced, fault.to_string()))
             });
             let kind = resolved.unwrap_or(Ok(ServiceKind::NativeObject));
-            return Some((Kind::Service(self.noted(kind)?), typing));
+            return Some((RouteTypes::Service(self.noted(kind)?), typing));
+        }
+        if interaction == Interaction::Action {
+            let resolved = written.map(|text| {
+                RosAction::resolve(&text.value, self.types)
+                    .map_err(|fault| Problem::at(text.referenced, fault.to_string()))
+            });
+            let kind = match resolved {
+                Some(resolved) => Some(self.noted(resolved)?),
+                None => None,
+            };
+            return Some((RouteTypes::Action(kind), typing));
         }
         let mut resolve = |text: &Spanned<String>| {
             let resolved = MessageType::resolve(&text.value, self.types);
@@ -324,19 +395,19 @@ impl<'r> Reader<'r> {
             );
             self.complain(written.referenced, text);
         }
-        Some((Kind::Topic(types), typing))
+        Some((RouteTypes::Topic(types), typing))
     }
 
     fn policy(
         &mut self,
         entry: &Entry,
-        is_service: bool,
+        interaction: Interaction,
         ends: Option<&(EndpointAddress, EndpointAddress, Option<Names>)>,
-        kind: Option<(Kind, Typing)>,
+        types: Option<(RouteTypes, Typing)>,
     ) -> Policy {
         let config = &entry.value;
-        let types = match kind {
-            Some((Kind::Topic(types), Typing::Given)) => Some(types),
+        let types = match types {
+            Some((RouteTypes::Topic(types), Typing::Given)) => Some(types),
             _ => None,
         };
         let color_order = match config.encoding.as_ref().map(|it| (it, it.value.as_str())) {
@@ -359,7 +430,7 @@ impl<'r> Reader<'r> {
             let text = format!("max_rate_hz is {}, it must be above 0", rate.value);
             self.complain(rate.referenced, text);
         }
-        let timeout = config.timeout_ms.as_ref().filter(|_| is_service);
+        let timeout = config.timeout_ms.as_ref().filter(|_| interaction != Interaction::Topic);
         if let Some(timeout) = timeout.filter(|ms| !(1..=LONGEST_TIMEOUT_MS).contains(&ms.value)) {
             let (given, most) = (timeout.value, LONGEST_TIMEOUT_MS);
             let text = format!("timeout_ms is {given}, it must lie between 1 and {most}");
@@ -368,9 +439,10 @@ impl<'r> Reader<'r> {
         let devices = self.device_maps(config.devices.as_ref());
         let options = ends.map(|(from, to, _)| {
             let problems = &mut self.problems;
-            plan_options::read(&config.options, [from, to], self.middlewares, is_service, problems)
+            plan_options::read(&config.options, [from, to], self.middlewares, interaction, problems)
         });
         let is_many = ends.is_some_and(|(_, _, names)| names.is_some());
+        let is_lazy = is_many && interaction == Interaction::Topic;
         let default = Policy::default();
         Policy {
             qos: config.qos.unwrap_or_default(),
@@ -387,8 +459,8 @@ impl<'r> Reader<'r> {
             plugins: default.plugins.with_devices(devices.or_from(&self.default_devices)),
             options: options.unwrap_or_default(),
             merge: config.merge,
-            lazy: config.lazy.as_ref().map_or(is_many && !is_service, |lazy| lazy.value),
-            timeout: timeout.map_or(ServiceSpec::TIMEOUT, |ms| Duration::from_millis(ms.value)),
+            lazy: config.lazy.as_ref().map_or(is_lazy, |lazy| lazy.value),
+            timeout: timeout.map(|ms| Duration::from_millis(ms.value)),
             from_override: default.from_override,
             to_override: default.to_override,
         }
@@ -415,6 +487,15 @@ impl<'r> Reader<'r> {
     fn device_maps(&mut self, devices: Option<&Spanned<DevicesConfig>>) -> DeviceMaps {
         let maps = devices.map(|devices| devices.value.maps(devices.referenced));
         maps.and_then(|maps| self.noted(maps)).unwrap_or_default()
+    }
+}
+
+/// Types of a route whose own cannot be read.
+fn not_read(interaction: Interaction) -> RouteTypes {
+    match interaction {
+        Interaction::Topic => RouteTypes::Topic(MessageType::NativeObject.into()),
+        Interaction::Service => RouteTypes::Service(ServiceKind::NativeObject),
+        Interaction::Action => RouteTypes::Action(None),
     }
 }
 

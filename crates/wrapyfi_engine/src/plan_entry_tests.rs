@@ -1,11 +1,11 @@
 //! Plans with patterns, and their faults.
 
 use serde::Deserialize;
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
 
 use super::super::{Config, ConfigError, Plan};
 use super::*;
 use wrapyfi_data::types::Value;
-use wrapyfi_endpoint::Role;
 
 #[derive(Debug, Default, Deserialize)]
 struct NoEndpoints {}
@@ -18,7 +18,11 @@ fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
         Some(at) => Err(format!("blank at {at}")),
         None => Ok(()),
     };
-    let conventions = Conventions { has_text_type: true, ..Conventions::NONE };
+    let conventions = Conventions {
+        has_text_type: true,
+        node_services: &[&["get_loggers"]],
+        ..Conventions::NONE
+    };
     let check_option = |option: &str, value: &Value| match (option, value.as_str()) {
         ("carrier", Some("tcp")) | ("from_peers" | "to_peers", _) => Ok(()),
         _ => Err("option carrier must be tcp".to_owned()),
@@ -172,13 +176,19 @@ fn one_topic_without_a_type_is_no_pattern_and_not_lazy() {
 #[test]
 fn types_may_be_given_to_a_pattern_or_stand_in() {
     let typed = one("from: 'ros:/cam/(.*)', to: 'ros2:/cam/$1', type: Image");
-    assert_eq!((typed.typing, typed.types()), (Typing::Given, MessageType::Image.into()));
+    assert_eq!((typed.typing, typed.message_types()), (Typing::Given, MessageType::Image.into()));
     let else_ = one("from: 'ros:/(.*)', to: 'ros2:/$1', type_if_unknown: Text");
-    assert_eq!((else_.typing, else_.types()), (Typing::LearnedIfTold, MessageType::Text.into()));
+    assert_eq!(
+        (else_.typing, else_.message_types()),
+        (Typing::LearnedIfTold, MessageType::Text.into())
+    );
     let service = one("service: 'ros:/(.*)', as: 'ros2:/$1', timeout_ms: 700");
-    assert_eq!(service.role(), Role::Server);
+    assert_eq!(service.interaction(), Interaction::Service);
     assert_eq!(target(&service, "/talker/get_loggers"), None);
-    assert_eq!((service.typing, service.policy.timeout.as_millis()), (Typing::Learned, 700));
+    assert_eq!(
+        (service.typing, service.policy.answer_within().as_millis()),
+        (Typing::Learned, 700)
+    );
 }
 
 #[test]
@@ -224,4 +234,82 @@ fn every_mistake_is_refused_with_its_line_and_a_remedy() {
     let twice = "from: 'ros:/(.*)', to: 'ros2:/$1'";
     let text = plan(&[twice, twice]).unwrap_err().to_string();
     assert!(text.contains("bridge.yaml:3:") && text.contains("stands already in line 2"), "{text}");
+}
+
+#[test]
+fn an_action_goes_where_there_are_actions_and_comes_from_functions_too() {
+    let known = |name, interactions| Available { name, interactions, ..Available::default() };
+    let available = [
+        known("ros", &Interaction::ALL[..]),
+        known("ros2", &Interaction::ALL),
+        known("zeromq", Interaction::TOPICS_AND_SERVICES),
+        known("mine", &[Interaction::Topic]),
+    ];
+    let mut types = TypeStore::generated();
+    let name = TypeName::parse(Dialect::Ros2, "demo/action/Count").unwrap();
+    types.add_definition(&name, "int32 to\n---\nint32 reached\n---\nint32 at\n").unwrap();
+    let mut read = |route: &str| {
+        let text = format!("routes:\n  - {{ {route} }}\n");
+        let config: Config<NoEndpoints> = Config::from_yaml(&text, "bridge.yaml").unwrap();
+        let plan = Plan::new(&config, &available, &mut types, "bridge.yaml");
+        plan.map(|plan| plan.routes[0].to_string()).map_err(|error| error.to_string())
+    };
+    let learned = read("action: 'ros:/move_base', as: 'ros2:/move_base'").unwrap();
+    assert_eq!(learned, "ros2:/move_base -> ros:/move_base  type learned");
+    assert!(read("action: 'ros:/(.*)', as: 'ros2:/$1'").is_ok());
+    let given = "type: demo/action/Count";
+    let function = read(&format!("action: 'zeromq:/count', as: 'ros2:/count', {given}")).unwrap();
+    assert_eq!(function, "ros2:/count -> zeromq:/count  demo/action/Count");
+    let options = "options: { feedback: /progress, poll_ms: 50 }";
+    assert!(read(&format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, {options}")).is_ok());
+    let timed = format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, timeout_ms: 60000");
+    assert!(read(&timed).unwrap().ends_with("demo/action/Count  within 60000 ms"));
+    for (route, why) in [
+        (
+            "action: 'zeromq:/a', as: 'ros2:/a'".to_owned(),
+            "a function on zeromq does not tell the type of an action: give `type`",
+        ),
+        (
+            "action: 'ros:/a', as: 'ros2:/a', timeout_ms: 60000".to_owned(),
+            "timeout_ms has no effect on an action whose server is one",
+        ),
+        (
+            format!("action: 'ros2:/a', as: 'zeromq:/a', {given}"),
+            "zeromq carries topics and services;",
+        ),
+        (format!("action: 'mine:/a', as: 'ros2:/a', {given}"), "mine carries topics;"),
+        ("action: 'ros2:/a', as: 'rose2:/a'".to_owned(), "\"rose2\" is not available"),
+        (
+            format!("action: 'ros:/a', as: 'ros2:/a', {given}, {options}"),
+            "option feedback is unknown",
+        ),
+        (
+            format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, options: {{ feedback: 3 }}"),
+            "option feedback must be the name of a topic",
+        ),
+        ("action: 'ros:/a', as: 'ros2:/a', type: demo/msg/Count".to_owned(), "demo/msg/Count"),
+        (format!("action: 'ros:/a', as: 'ros2:/a', {given}, qos: sensor_data"), "an action"),
+    ] {
+        let error = read(&route).unwrap_err();
+        assert!(error.contains(why), "{route}: {error}");
+    }
+}
+
+#[test]
+fn a_service_is_refused_where_there_are_topics_alone() {
+    let known = |name, interactions| Available { name, interactions, ..Available::default() };
+    let available =
+        [known("mine", &[Interaction::Topic][..]), known("ros2", Interaction::TOPICS_AND_SERVICES)];
+    let read = |route: &str| {
+        let text = format!("routes:\n  - {{ {route} }}\n");
+        let config: Config<NoEndpoints> = Config::from_yaml(&text, "bridge.yaml").unwrap();
+        let plan = Plan::new(&config, &available, &mut TypeStore::generated(), "bridge.yaml");
+        plan.map(drop).map_err(|error| error.to_string())
+    };
+    let error = read("service: 'ros2:/x', as: 'mine:/x'").unwrap_err();
+    assert!(
+        error.contains("no route of services is possible here: mine carries topics;"),
+        "{error}"
+    );
+    assert_eq!(read("from: 'ros2:/x', to: 'mine:/x', type: Text"), Ok(()));
 }

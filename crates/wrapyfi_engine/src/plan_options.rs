@@ -9,33 +9,43 @@ use std::collections::BTreeMap;
 use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
 
-use super::config_error::Problem;
-use super::plan_address::Available;
 use wrapyfi_data::types::{Map, Value, to_value};
-use wrapyfi_endpoint::{EndpointAddress, Peers};
+use wrapyfi_endpoint::config::Problem;
+use wrapyfi_endpoint::driver::Available;
+use wrapyfi_endpoint::{EndpointAddress, Interaction, Peers, function_action};
 
 /// Reads the options of a route between `ends`, and notes their faults.
 pub(super) fn read(
     written: &BTreeMap<String, Spanned<serde_json::Value>>,
     ends: [&EndpointAddress; 2],
     middlewares: &[Available<'_>],
-    is_service: bool,
+    interaction: Interaction,
     problems: &mut Vec<Problem>,
 ) -> Map {
     let is_end = |one: &&Available<'_>| ends.iter().any(|end| end.middleware == one.name);
     let at_ends: Vec<_> = middlewares.iter().filter(is_end).collect();
-    let known: Vec<&str> = at_ends.iter().flat_map(|one| one.options).copied().collect();
+    let mut known: Vec<&str> = at_ends.iter().flat_map(|one| one.options).copied().collect();
+    let [source, _] = ends;
+    if interaction == Interaction::Action
+        && at_ends.iter().any(|one| {
+            one.name == source.middleware && !one.interactions.contains(&Interaction::Action)
+        })
+    {
+        known.extend(function_action::OPTIONS);
+    }
     let mut options = Map::default();
     for (name, value) in written {
         let mut complain = |text| problems.push(Problem::at(value.referenced, text));
         let [from, to] = ends.map(|end| end.middleware.as_str());
         let lists = [(Peers::FROM, from), (Peers::TO, to)];
         let list = lists.into_iter().find(|(key, _)| key == name);
-        if let Some(text) = list.and_then(|end| cannot_list(end, middlewares, is_service)) {
+        if let Some(text) = list.and_then(|end| cannot_list(end, middlewares, interaction)) {
             complain(text);
             continue;
         }
-        if !is_service && let Some(text) = goes_the_other_way(name, ends, middlewares) {
+        if interaction == Interaction::Topic
+            && let Some(text) = goes_the_other_way(name, ends, middlewares)
+        {
             complain(text);
             continue;
         }
@@ -50,7 +60,10 @@ pub(super) fn read(
                 let checked = || at_ends.iter().filter(reads).map(|one| one.check_option);
                 let of_peers = list.and_then(|_| Peers::read(&read).err());
                 let of_peers = of_peers.map(|wanted| format!("option {name} must be {wanted}"));
-                let fault = of_peers.or_else(|| checked().find_map(|it| it(name, &read).err()));
+                let of_function = || function_action::check_option(name, &read).err();
+                let fault = of_peers
+                    .or_else(|| checked().find_map(|it| it(name, &read).err()))
+                    .or_else(|| of_function().filter(|_| interaction == Interaction::Action));
                 fault.into_iter().for_each(&mut complain);
                 options.insert(name.as_str(), read);
             }
@@ -90,11 +103,11 @@ fn goes_the_other_way(
 fn cannot_list(
     (key, middleware): (&str, &str),
     middlewares: &[Available<'_>],
-    is_service: bool,
+    interaction: Interaction,
 ) -> Option<String> {
-    if is_service {
+    if interaction != Interaction::Topic {
         return Some(format!(
-            "option {key} has no effect on a service: topics alone have lists of peers"
+            "option {key} has no effect on a {interaction}: topics alone have lists of peers"
         ));
     }
     let shows = |it: &&Available<'_>| it.options.contains(&key);

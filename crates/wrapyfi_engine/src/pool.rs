@@ -16,7 +16,7 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use super::member::Member;
-use super::work::Step;
+use super::work::Progress;
 use wrapyfi_endpoint::{Clock, Mutex};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
@@ -51,7 +51,7 @@ impl Place {
 
 /// Workers, and the members that wait for them.
 pub(super) struct Pool {
-    state: Mutex<State>,
+    state: Mutex<PoolState>,
     /// Signal to the timekeeper that a step is due earlier, or that no worker is free.
     tick: Condvar,
     /// Signal that a thread has ended, or that all threads are to end.
@@ -64,7 +64,7 @@ pub(super) struct Pool {
 }
 
 #[derive(Default)]
-struct State {
+struct PoolState {
     ready: VecDeque<Arc<Member>>,
     /// Members that open or close.
     behind: VecDeque<Arc<Member>>,
@@ -88,7 +88,7 @@ struct State {
     stop: bool,
 }
 
-impl State {
+impl PoolState {
     /// Largest number of workers for members that open or close.
     fn most_at_behind(&self) -> usize {
         self.workers.saturating_sub(1).max(1)
@@ -188,12 +188,12 @@ impl Pool {
 
     /// Waits before a thread that panicked begins again; false once the pool is stopped.
     fn goes_on_after(&self, pause: Duration) -> bool {
-        let goes_on = |state: &mut State| !state.stop;
+        let goes_on = |state: &mut PoolState| !state.stop;
         let waited = self.ended.wait_timeout_while(self.state.lock(), pause, goes_on);
         !waited.unwrap_or_else(PoisonError::into_inner).0.stop
     }
 
-    fn has_ended(&self, state: &mut State) {
+    fn has_ended(&self, state: &mut PoolState) {
         state.threads -= 1;
         self.ended.notify_all();
     }
@@ -219,7 +219,7 @@ impl Pool {
     }
 
     /// Queues a member. Its caller wakes a worker, or is one that looks next.
-    fn enqueue(&self, state: &mut State, member: Arc<Member>) {
+    fn enqueue(&self, state: &mut PoolState, member: Arc<Member>) {
         if state.stop {
             return;
         }
@@ -236,7 +236,7 @@ impl Pool {
     }
 
     /// Starts one more worker.
-    fn grow(self: &Arc<Self>, state: &mut State) -> std::io::Result<()> {
+    fn grow(self: &Arc<Self>, state: &mut PoolState) -> std::io::Result<()> {
         let pool = Arc::clone(self);
         let thread = std::thread::Builder::new().name("route-worker".to_owned());
         thread.spawn(move || {
@@ -269,7 +269,7 @@ impl Pool {
                 drop(state);
                 std::thread::park();
                 state = self.state.lock();
-                // Nobody has taken it from `idle` where the park ended by itself, or for all.
+                // No other thread has taken it from `idle` where the park ended by itself, or for all.
                 match state.idle.iter().position(|idle| idle.id() == own.id()) {
                     Some(place) => drop(state.idle.remove(place)),
                     None => state.woken = state.woken.saturating_sub(1),
@@ -296,7 +296,7 @@ impl Pool {
             if state.stop {
                 drop(state);
                 // A route that was in the middle of its step at the stop is closed here, because
-                // nobody else does. The lock is free, because its ends ring when they close. The
+                // no other thread does. The lock is free, because its ends ring when they close. The
                 // program waits for the close, in which the ends unregister from masters and name
                 // servers.
                 member.close();
@@ -310,8 +310,14 @@ impl Pool {
     }
 
     /// Lets a member wait for the time of its next step, or for its turn where that has come.
-    fn put_back(&self, state: &mut State, member: Arc<Member>, step: Option<Step>, now: Instant) {
-        let Some(Step { next, .. }) = step else {
+    fn put_back(
+        &self,
+        state: &mut PoolState,
+        member: Arc<Member>,
+        step: Option<Progress>,
+        now: Instant,
+    ) {
+        let Some(Progress { next, .. }) = step else {
             member.place.store(Place::CLOSED, Ordering::Release);
             return;
         };
@@ -427,7 +433,7 @@ impl Pool {
 
     /// Waits until every thread has ended, at most `limit`.
     pub(super) fn wait(&self, limit: Duration) {
-        let is_busy = |state: &mut State| state.threads > 0;
+        let is_busy = |state: &mut PoolState| state.threads > 0;
         drop(self.ended.wait_timeout_while(self.state.lock(), limit, is_busy));
     }
 }

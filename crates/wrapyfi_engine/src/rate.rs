@@ -1,7 +1,7 @@
 //! Rates of messages, from counters that are looked at once a second.
 //!
 //! ```text
-//!   counters ◀─ data path, adds and waits for nobody
+//!   counters ◀─ data path, adds and never waits
 //!      └─ look(now), each second ─▶ messages_per_s, bytes_per_s
 //! ```
 

@@ -6,7 +6,7 @@
 //!        └ patterns ─┐
 //!   discovered graph ┴─▶ note: what patterns mean ─▶ candidates
 //!                                                        │ settle, each once a round
-//!          nobody tells the type, another bridge has it ◀┼▶ Change::Start ─▶ driver
+//!          no type is known, another bridge has it ◀┼▶ Change::Start ─▶ driver
 //!          (status: waiting, with the reason)            └▶ Change::Stop     when its source is gone
 //! ```
 //!
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::candidate::{Candidate, State};
+use super::candidate::{Candidate, CandidateState, Misfit};
 use super::discovered_graph::{Away, DiscoveredGraph, DiscoveredMiddleware};
 use super::news;
 use super::pattern::Pattern;
@@ -27,7 +27,9 @@ use super::route::{Route, RouteKey, Typing};
 use super::route_status::RouteState;
 use super::work::{Ending, Order};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role, Throttle};
+use wrapyfi_endpoint::{
+    BridgeMark, Cause, Counters, EndpointAddress, Interaction, Registry, Role, Throttle,
+};
 use wrapyfi_retry::contained;
 
 /// Time between two looks.
@@ -86,7 +88,7 @@ pub(super) struct Reconciler {
     pub(super) candidates: BTreeMap<Key, Candidate>,
     /// Destinations of our routes, for middlewares that do not tell our endpoints from others';
     /// with the instant until which they count as ours, once their route has ended.
-    pub(super) ours: BTreeMap<(Role, EndpointAddress), Option<Instant>>,
+    pub(super) ours: BTreeMap<(Interaction, EndpointAddress), Option<Instant>>,
     /// Counters of all routes that run or ran.
     pub(super) counters: BTreeMap<RouteKey, Arc<Counters>>,
     pub(super) next_id: u64,
@@ -138,14 +140,14 @@ impl Reconciler {
         if self.counters.len() >= MAX_KEPT {
             self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
         }
-        candidate.state = State::Runs(id);
+        candidate.state = CandidateState::Runs(id);
         let counters = Arc::clone(self.counters.entry(route.key()).or_default());
         Change::Start { id, route: Box::new(route), counters }
     }
 
     /// Notes that a route has ended, whose destination may show for a while.
     pub(super) fn was_ours(&mut self, key: &RouteKey, now: Instant) {
-        self.ours.insert((key.role, key.to.clone()), Some(now + OURS_FOR));
+        self.ours.insert((key.interaction, key.to.clone()), Some(now + OURS_FOR));
     }
 
     /// True when there are patterns, so that looks are needed.
@@ -183,7 +185,7 @@ impl Reconciler {
             return Vec::new();
         }
         if let (Some(scanned), Some(unchanged)) = (self.scanned_at, self.unchanged_at.take()) {
-            self.candidates.values_mut().for_each(|it| it.stayed(scanned, unchanged));
+            self.candidates.values_mut().for_each(|it| it.seen_until(scanned, unchanged));
         }
         self.scanned_at = Some(now);
         let before = self.candidates.len();
@@ -216,7 +218,7 @@ impl Reconciler {
         for pattern in &mut self.patterns {
             pattern.news.tell(&pattern.spec, now);
         }
-        news::lower(&mut changes);
+        news::summarize_endings(&mut changes);
         if !changes.is_empty() {
             self.stirred_at = Some(now);
         }
@@ -254,7 +256,7 @@ impl Reconciler {
         let mut of_pattern = self.of_pattern(index).count();
         let (mut found, mut ahead, mut over) = (Vec::new(), Vec::new(), 0);
         let awaited = self.awaited_otherwise(spec);
-        for name in side.names(spec.role()) {
+        for name in side.names(spec.interaction().provider()) {
             let to = match targets.get(name) {
                 Some(known) => known.clone(),
                 None => {
@@ -287,7 +289,7 @@ impl Reconciler {
             // The name is a guess, where a source that is there goes to this destination.
             let is_guess = found.iter().any(|(_, _, place)| *place == to);
             if let Some(candidate) =
-                self.candidates.get_mut(&key).filter(|it| it.is_ahead && is_guess)
+                self.candidates.get_mut(&key).filter(|it| it.precedes_publisher && is_guess)
             {
                 candidate.give_way(now.checked_sub(GONE_AFTER));
             }
@@ -305,14 +307,14 @@ impl Reconciler {
             let new = || Candidate::new(from, to.clone(), Some(now));
             let candidate = candidate.or_insert_with(new);
             candidate.seen(now);
-            candidate.is_ahead = false;
+            candidate.precedes_publisher = false;
             candidate.moves_to = (candidate.to != to).then_some(to);
         }
         for (key, from, to) in ahead {
             let candidate = self.candidates.entry(key);
             let candidate = candidate.or_insert_with(|| Candidate::new(from, to, Some(now)));
             candidate.seen(now);
-            candidate.is_ahead = true;
+            candidate.precedes_publisher = true;
         }
         let Some(pattern) = self.patterns.get_mut(index) else { return };
         pattern.over = over;
@@ -337,8 +339,12 @@ impl Reconciler {
             return Vec::new();
         };
         let Some(middleware) = &source.middleware else { return Vec::new() };
-        let knows_others = source.traits().tells_own && target.traits().tells_own;
-        if spec.role() != Role::Publisher || !source.traits().subscribes_first || !knows_others {
+        let knows_others =
+            source.routing_properties().tells_own && target.routing_properties().tells_own;
+        if spec.interaction() != Interaction::Topic
+            || !source.routing_properties().subscribes_first
+            || !knows_others
+        {
             return Vec::new();
         }
         let waits = |name: &&String| {
@@ -351,7 +357,7 @@ impl Reconciler {
         let sources = sources.filter(|name| {
             let to = spec.target(name);
             middleware.ahead_options(name).is_some()
-                && to.is_some_and(|to| !self.has_source(spec.role(), &to))
+                && to.is_some_and(|to| !self.has_source(spec.interaction(), &to))
         });
         sources.filter(|name| source.endpoints(Role::Publisher, name).is_empty()).collect()
     }
@@ -370,13 +376,14 @@ impl Reconciler {
     ) {
         let Some(pattern) = self.patterns.get_mut(key.0) else { return };
         pattern.panics += 1;
-        let role = pattern.spec.role();
+        let interaction = pattern.spec.interaction();
         candidate.retry_at = Some(now + self.backoff.wait());
-        let text = format!("a decision on it panicked: {panic}");
+        let what = "a decision on it panicked".to_owned();
+        let cause = Cause::Panic { what, panic: panic.to_owned() };
         if let Some(unlogged_before) = self.complaints.pass(now) {
-            tracing::error!(route = candidate.name(role), unlogged_before, "{text}");
+            tracing::error!(route = candidate.name(interaction), unlogged_before, "{cause}");
         }
-        candidate.waits(role, RouteState::Error(text), true);
+        candidate.set_waiting(interaction, RouteState::Error(cause), true);
     }
 
     /// Brings one candidate on; true when it stays, and the change that follows.
@@ -389,12 +396,12 @@ impl Reconciler {
         let Some(spec) = self.patterns.get(key.0).map(|pattern| Arc::clone(&pattern.spec)) else {
             return (false, None);
         };
-        let role = spec.role();
+        let interaction = spec.interaction();
         if let Some(to) = candidate.moves_to.take() {
-            let state = std::mem::replace(&mut candidate.state, State::New);
-            let left = candidate.key(role);
+            let state = std::mem::replace(&mut candidate.state, CandidateState::New);
+            let left = candidate.key(interaction);
             candidate.to = to;
-            if let State::Runs(id) = state {
+            if let CandidateState::Runs(id) = state {
                 self.ended(key.0, &left, now);
                 let why = format!("it goes to {} now, by the names of others", candidate.to);
                 return (true, Some(stop(id, why)));
@@ -403,16 +410,16 @@ impl Reconciler {
         if let Some(away) = self.away(&spec) {
             // A source that cannot be seen is not gone for that reason.
             candidate.seen(now);
-            candidate.waits(role, away, spec.is_many());
+            candidate.set_waiting(interaction, away, spec.is_many());
             return (true, None);
         }
-        if let State::Runs(id) = candidate.state {
+        if let CandidateState::Runs(id) = candidate.state {
             let why = match self.goes_on_with(&spec, candidate, now) {
                 Ok(misfits) => return (true, self.goes_on(&spec, candidate, id, misfits)),
                 Err(why) => why,
             };
-            self.ended(key.0, &candidate.key(role), now);
-            let stays = !matches!(candidate.state, State::Runs(_));
+            self.ended(key.0, &candidate.key(interaction), now);
+            let stays = !matches!(candidate.state, CandidateState::Runs(_));
             return (stays, Some(stop(id, why)));
         }
         if spec.is_many() && candidate.is_gone(now, GONE_AFTER) {
@@ -422,38 +429,40 @@ impl Reconciler {
         let is_younger = self.graph.oldest_bridge().is_some_and(|other| other < self.number);
         let settle = if is_younger { 2 * SETTLE } else { SETTLE };
         if !candidate.is_due(now, settle) || !self.sides(&spec).all(|side| side.is_settled(now)) {
-            if candidate.state == State::New && self.hindrance(&spec, candidate).is_none() {
+            if candidate.state == CandidateState::New && self.hindrance(&spec, candidate).is_none()
+            {
                 // Asks for the type now, so that it is known when the candidate is due.
-                _ = self.kind(&spec, candidate);
+                _ = self.types(&spec, candidate);
             }
             return (true, None);
         }
         let route = match self.make(&spec, candidate) {
             Ok(route) => route,
             // A candidate without publisher is dropped; a later look finds it again.
-            Err(_) if candidate.is_ahead => return (false, None),
-            Err((state, retry)) => {
+            Err(_) if candidate.precedes_publisher => return (false, None),
+            Err(refusal) => {
+                let (state, retry) = *refusal;
                 candidate.retry_at = Some(now + retry);
                 let is_silent = spec.is_many() && matches!(state, RouteState::Waiting(_));
                 // Where nothing but a user can help, a line of the debug log is not enough.
-                if candidate.waits(role, state, spec.is_many())
+                if candidate.set_waiting(interaction, state, spec.is_many())
                     && is_silent
                     && !retry.is_zero()
-                    && let State::Waits(state) = &candidate.state
+                    && let CandidateState::Waits(state) = &candidate.state
                     && let Some(pattern) = self.patterns.get_mut(key.0)
                 {
                     let text = format!("{} is {state}", candidate.from);
-                    pattern.news.lacks(candidate.name(role), text, now);
+                    pattern.news.add_waiting(candidate.name(interaction), text, now);
                 }
                 return (true, None);
             }
         };
-        self.ours.insert((route.role(), route.to.clone()), None);
-        (candidate.misfits, candidate.made) = (None, Some(route.kind));
-        candidate.rests = route.policy.lazy;
+        self.ours.insert((route.interaction(), route.to.clone()), None);
+        (candidate.misfits, candidate.made) = (None, Some(route.types));
+        candidate.closes_when_unwanted = route.policy.lazy;
         if let Some(pattern) = self.patterns.get_mut(key.0) {
             pattern.made += 1;
-            pattern.news.add(candidate.name(role), &candidate.from, route.label(), now);
+            pattern.news.add(candidate.name(interaction), &candidate.from, route.label(), now);
         }
         (true, Some(self.start(candidate, route)))
     }
@@ -474,35 +483,35 @@ impl Reconciler {
         spec: &Route,
         candidate: &mut Candidate,
         now: Instant,
-    ) -> Result<Option<String>, String> {
+    ) -> Result<Option<Misfit>, String> {
         if spec.typing != Typing::Given
             && let Some(other) =
-                self.other_type(spec, candidate).or_else(|| self.other_service(spec, candidate))
+                self.other_type(spec, candidate).or_else(|| self.other_called(spec, candidate))
         {
-            candidate.state = State::New;
+            candidate.state = CandidateState::New;
             return Err(other);
         }
         if spec.is_many() {
             if candidate.is_gone(now, GONE_AFTER) {
-                return Err(match candidate.is_ahead {
+                return Err(match candidate.precedes_publisher {
                     true => "nobody waits for it any more".to_owned(),
                     false => "its source is gone".to_owned(),
                 });
             }
-            if candidate.is_ahead && self.has_source(spec.role(), &candidate.to) {
+            if candidate.precedes_publisher && self.has_source(spec.interaction(), &candidate.to) {
                 return Err("another source has come".to_owned());
             }
             if let Some(rival) = self.rival(spec, candidate) {
-                candidate.state = State::New;
-                candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
-                return Err(rival);
+                candidate.state = CandidateState::New;
+                candidate.set_waiting(spec.interaction(), RouteState::Waiting(rival.clone()), true);
+                return Err(rival.to_string());
             }
         }
         let misfits = self.misfits(spec, candidate);
         if let Some(instead) = misfits.instead {
-            candidate.state = State::New;
+            candidate.state = CandidateState::New;
             candidate.wished = Some(instead);
-            return Err(misfits.named.unwrap_or_default());
+            return Err(misfits.named.map_or_else(String::new, |it| it.to_string()));
         }
         Ok(misfits.named)
     }
@@ -514,14 +523,14 @@ impl Reconciler {
         spec: &Route,
         candidate: &mut Candidate,
         id: u64,
-        named: Option<String>,
+        named: Option<Misfit>,
     ) -> Option<Change> {
         if candidate.misfits != named {
             candidate.misfits.clone_from(&named);
             return Some(Change::Order { id, order: Order::NameMisfits(named) });
         }
-        let opens = candidate.rests && self.keeps_last(spec, candidate);
-        candidate.rests &= !opens;
+        let opens = candidate.closes_when_unwanted && self.keeps_last(spec, candidate);
+        candidate.closes_when_unwanted &= !opens;
         opens.then_some(Change::Order { id, order: Order::KeepOpen })
     }
 
@@ -533,27 +542,37 @@ impl Reconciler {
         })
     }
 
-    /// Middlewares at the two ends of a route, as far as anybody looks at them.
+    /// Middlewares at the two ends of a route, as far as the reconciler looks at them.
     pub(super) fn sides(&self, spec: &Route) -> impl Iterator<Item = &DiscoveredMiddleware> {
         [&spec.from, &spec.to].into_iter().filter_map(|end| self.graph.get(&end.middleware))
     }
 
     /// True where a source that exists has this destination, also one that another pattern matches.
-    pub(super) fn has_source(&self, role: Role, to: &EndpointAddress) -> bool {
+    pub(super) fn has_source(&self, interaction: Interaction, to: &EndpointAddress) -> bool {
         self.candidates.iter().any(|((index, _), other)| {
-            !other.is_ahead
+            !other.precedes_publisher
                 && other.to == *to
-                && self.patterns.get(*index).is_some_and(|pattern| pattern.spec.role() == role)
+                && self
+                    .patterns
+                    .get(*index)
+                    .is_some_and(|pattern| pattern.spec.interaction() == interaction)
         })
     }
 
     /// Source of another candidate whose route already runs to this destination.
-    pub(super) fn taken(&self, role: Role, to: &EndpointAddress) -> Option<EndpointAddress> {
+    pub(super) fn taken(
+        &self,
+        interaction: Interaction,
+        to: &EndpointAddress,
+    ) -> Option<EndpointAddress> {
         // The candidate in question is not among them while it is looked at.
         let runs = self.candidates.iter().find(|((index, _), other)| {
-            matches!(other.state, State::Runs(_))
+            matches!(other.state, CandidateState::Runs(_))
                 && other.to == *to
-                && self.patterns.get(*index).is_some_and(|pattern| pattern.spec.role() == role)
+                && self
+                    .patterns
+                    .get(*index)
+                    .is_some_and(|pattern| pattern.spec.interaction() == interaction)
         });
         runs.map(|(_, other)| other.from.clone())
     }

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
 use super::*;
-use wrapyfi_data::types::{Map, MessageType, Payload, RosType, ServiceKind, Value};
+use wrapyfi_data::types::{Map, MessageType, Payload, RosAction, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    Context, Conventions, Discovered, LearnError, LearnResult, Learned, Listener, Middleware,
-    Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
+    ActionSpec, Context, Conventions, Discovered, LearnError, LearnResult, Learned, Listener,
+    Middleware, Opened, Publisher, RoutingProperties, ServiceSpec, TopicSpec, topic_of_name,
 };
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::store::ResolvedType;
 
 #[derive(Debug, Default, serde::Deserialize)]
 struct NoEndpoints {}
@@ -37,8 +38,13 @@ fn engine(
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
     let known = |name| {
-        let conventions = Conventions { has_ros_names: name == "a", ..Conventions::NONE };
-        Available { name, conventions, ..Available::default() }
+        let conventions = Conventions {
+            has_ros_names: name == "a",
+            node_services: &[&["get_parameters"]],
+            ..Conventions::NONE
+        };
+        let interactions = &Interaction::ALL;
+        Available { name, conventions, interactions, ..Available::default() }
     };
     let mut types = TypeStore::generated();
     let plan = Plan::new(&config, &[known("a"), known("b")], &mut types, "bridge.yaml").unwrap();
@@ -109,7 +115,7 @@ fn a_topic_that_comes_gets_a_route_that_opens_its_source_when_wanted() {
     let name = "a:/x -> b:/from_a/x";
     assert_eq!(bench.state(name).unwrap(), "waiting for a listener on b:/from_a/x");
     assert_eq!(bench.counts(), PatternCounts { routes: 1, made: 1, ..PatternCounts::default() });
-    // It shows on the other side, and nobody listens to the source.
+    // It shows on the other side, and no program listens to the source.
     assert_eq!(source.link().peers, Some(0));
     let mut sink = listener(&bench.b, "/from_a/x");
     assert_eq!(sink.link().peers, Some(1));
@@ -301,12 +307,58 @@ impl Middleware for Ahead {
         Some(&*self.0)
     }
 
-    fn traits(&self) -> Traits {
-        Traits { subscribes_first: true, tells_own: true, ..self.0.traits() }
+    fn routing_properties(&self) -> RoutingProperties {
+        RoutingProperties { subscribes_first: true, tells_own: true, ..self.0.routing_properties() }
     }
 
     fn ahead_options(&self, _: &str) -> Option<Map> {
         Some(Map::default())
+    }
+}
+
+/// A bus on which an action has a topic below its name.
+struct Actionlib(Arc<Memory>);
+
+impl Middleware for Actionlib {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
+        self.0.open_listener(spec, context)
+    }
+
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
+        self.0.open_publisher(spec, context)
+    }
+
+    fn inner(&self) -> Option<&dyn Middleware> {
+        Some(&*self.0)
+    }
+
+    fn routing_properties(&self) -> RoutingProperties {
+        RoutingProperties { action_topics: &["feedback"], ..self.0.routing_properties() }
+    }
+}
+
+#[test]
+fn a_topic_of_an_action_is_left_to_patterns_of_actions() {
+    let name = TypeName::parse(Dialect::Ros2, "demo/action/Count").unwrap();
+    let text = "int32 to\n---\nint32 reached\n---\nint32 at\n";
+    let count = ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap();
+    let count = ActionSpec::new("/count", RosAction::new(&count).unwrap());
+    let actions = "action: 'a:/(.*)', as: 'b:/$1'";
+    for (routes, is_carried) in [(&[ALL][..], true), (&[ALL, actions], false)] {
+        let [a, b] = ["a", "b"].map(|name| Arc::new(Actionlib(Arc::new(Memory::new(name)))));
+        let engine = engine(&a, &b, routes);
+        let mut bench = Bench { a: a.0.clone(), b: b.0.clone(), engine, now: Instant::now() };
+        let _server = bench.a.open_action_server(&count, &Context::default()).unwrap();
+        let _topics = ["/count/feedback", "/other/feedback"]
+            .map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+        bench.run(3 * SECOND);
+        let names = bench.names();
+        let has = |name: &str| names.contains(&format!("a:/{name} -> b:/from_a/{name}"));
+        assert_eq!((has("count/feedback"), has("other/feedback")), (is_carried, true), "{names:?}");
     }
 }
 
@@ -343,7 +395,7 @@ fn a_destination_is_the_name_that_listeners_have() {
     let plain = ["a:/fine_1 -> b:/fine_1", "a:/two_names -> b:/two_names"];
     let meant = "a:/robot_1/_1st -> b:/robot-1/1st";
     assert_eq!(made(&bench), [plain[0], meant, plain[1]]);
-    // While nobody listens it stays, until somebody has the very name.
+    // While no program listens it stays, until a program has the very name.
     drop(first);
     bench.run(5 * SECOND);
     assert_eq!(made(&bench)[1], meant);
@@ -429,8 +481,8 @@ impl Middleware for Asked {
         Some(&*self.bus)
     }
 
-    fn traits(&self) -> Traits {
-        Traits { untyped: true, ..self.bus.traits() }
+    fn routing_properties(&self) -> RoutingProperties {
+        RoutingProperties { untyped: true, ..self.bus.routing_properties() }
     }
 
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {

@@ -13,19 +13,21 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::end::End;
-use super::route::Route;
+use super::candidate::Misfit;
+use super::end::RouteEnd;
+use super::route::{Policy, Route};
 use super::route_status::RouteState;
 use super::stamping;
 use super::tap::Tap;
 use super::work::{
-    DEGRADED_FOR, Order, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work, not_begun,
+    DEGRADED_FOR, Order, Progress, REST_REVIEW_EVERY, REVIEW_EVERY, UNWANTED_FOR, Work, not_begun,
 };
-use wrapyfi_data::codec::convert_payload;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Clock, Context, DropReason, Listener, Publisher, Qos, Registry, Sample, Throttle, Traits,
+    Absent, Cause, Clock, Context, DropReason, Listener, Publisher, Qos, Registry, Role,
+    RoutingProperties, Sample, Throttle,
 };
 
 /// Largest number of messages moved in one step, so that a flooded route lets others have their
@@ -38,8 +40,8 @@ const CALM_AFTER: Duration = Duration::from_secs(3);
 pub(crate) struct Relay {
     spec: Route,
     context: Context,
-    source: End<dyn Listener>,
-    sink: End<dyn Publisher>,
+    source: RouteEnd<dyn Listener>,
+    sink: RouteEnd<dyn Publisher>,
     backoff: Backoff,
     not_before: Option<Instant>,
     /// Instant since which a lazy route has no listener.
@@ -48,13 +50,13 @@ pub(crate) struct Relay {
     has_source: bool,
     /// Instant of the last message or change.
     stirred_at: Option<Instant>,
-    /// Listeners of another type than the route's, in words.
-    misfits: Option<String>,
-    last_loss: Option<(Instant, String)>,
+    /// A listener of another type than the route's.
+    misfits: Option<Misfit>,
+    last_loss: Option<(Instant, Cause)>,
     /// True while a message was taken, and is not counted yet.
     in_hand: bool,
-    /// Reason that the destination takes less than it is given.
-    slowed: Option<String>,
+    /// Cause for which the destination takes less than it is given.
+    slowed: Option<Cause>,
     /// Number of messages that the destination took and did not deliver, as far as they are in
     /// `last_loss`.
     undelivered: u64,
@@ -65,15 +67,15 @@ pub(crate) struct Relay {
     unread: Throttle,
     pub(super) tap: Arc<Tap>,
     /// Circle over other bridges that the route would close: its ends stay closed.
-    circle: Option<String>,
+    circle: Option<Cause>,
 }
 
 impl Relay {
     /// A route that has opened nothing yet. `seed` spreads its back-off; the counters of `context` may be those of an
     /// earlier route with these ends.
     pub(super) fn new(spec: Route, registry: &Registry, seed: u64, context: Context) -> Self {
-        let source = End::new(registry, &spec.from.middleware);
-        let sink = End::new(registry, &spec.to.middleware);
+        let source = RouteEnd::new(registry, &spec.from.middleware);
+        let sink = RouteEnd::new(registry, &spec.to.middleware);
         Self {
             state: not_begun(),
             has_source: false,
@@ -98,17 +100,20 @@ impl Relay {
         }
     }
 
-    /// True while its source is closed because nobody listens at the destination.
+    /// True while its source is closed because no program listens at the destination.
     pub(super) fn is_at_rest(&self) -> bool {
         self.spec.policy.lazy && self.source.open.is_none()
     }
 
     /// State that waits for a listener, with the listeners that do not count.
     fn no_listener(&self) -> RouteState {
-        let (to, carried) = (&self.spec.to, self.spec.types().to.ros_type());
-        RouteState::Waiting(match &self.misfits {
-            Some(misfits) => format!("a listener on {to} of {carried}: {misfits}"),
-            None => format!("a listener on {to}"),
+        let absent = Absent::at(Role::Listener, &self.spec.to);
+        RouteState::Waiting(match self.misfits.clone() {
+            Some(Misfit { peer, theirs }) => {
+                let ours = self.spec.message_types().to.ros_type().to_owned();
+                Cause::Type { absent, peer: Some(peer), theirs, ours }
+            }
+            None => absent.into(),
         })
     }
 
@@ -136,7 +141,7 @@ impl Relay {
                         publisher.forget_all();
                     }
                 }
-                // A source that nobody wants is not tried again.
+                // A source that no program wants is not tried again.
                 if source.open.is_none() {
                     source.at_rest();
                 }
@@ -230,7 +235,7 @@ impl Relay {
                         let what = format!("dropped a message ({reason})");
                         log(&self.spec.name, before, &what, &text);
                     }
-                    self.last_loss = Some((now, text));
+                    self.last_loss = Some((now, Cause::Lost { reason, error: text }));
                 }
             }
         }
@@ -278,7 +283,7 @@ impl Relay {
             return RouteState::Degraded(text.clone());
         }
         if source.peers == Some(0) {
-            return RouteState::Waiting(format!("a publisher on {}", self.spec.from));
+            return RouteState::Waiting(Absent::at(Role::Publisher, &self.spec.from).into());
         }
         if sink.peers == Some(0) {
             return self.no_listener();
@@ -288,26 +293,22 @@ impl Relay {
 }
 
 impl Work for Relay {
-    fn step(&mut self, now: Instant) -> Step {
+    fn step(&mut self, now: Instant) -> Progress {
         self.reconcile(now);
         let review_at = self.review(now);
         let oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
         if oversize > self.oversize {
-            let most = self.spec.policy.limits.message_bytes >> 20;
-            let text = format!("a message on {} was larger than {most} MiB", self.spec.from);
-            self.last_loss = Some((now, text));
+            let limit_mib = self.spec.policy.limits.message_bytes >> 20;
+            let cause = Cause::Oversize { at: self.spec.from.to_string(), limit_mib };
+            self.last_loss = Some((now, cause));
         }
         let moved = self.propagate(now);
         self.oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
         let undelivered = self.context.counters.undelivered_messages();
         if undelivered > self.undelivered {
-            let text = format!(
-                "{} messages did not reach everybody who listens on {}",
-                undelivered - self.undelivered,
-                self.spec.to
-            );
+            let (messages, to) = (undelivered - self.undelivered, self.spec.to.to_string());
             self.undelivered = undelivered;
-            self.last_loss = Some((now, text));
+            self.last_loss = Some((now, Cause::Undelivered { messages, to }));
         }
         let state = self.judge(now);
         if moved > 0 || state != self.state {
@@ -323,7 +324,7 @@ impl Work for Relay {
             (false, false) => now + REVIEW_EVERY,
         };
         let due = [self.source.retry_at, self.sink.retry_at, review_at];
-        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+        Progress { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
@@ -362,14 +363,14 @@ fn forward(
     spec: &Route,
     sample: Sample,
     publisher: &mut dyn Publisher,
-    ends: [Traits; 2],
+    ends: [RoutingProperties; 2],
     clock: &Clock,
 ) -> Result<(usize, Instant), (DropReason, String)> {
     let Sample { payload, received_at, origin, .. } = sample;
-    let (policy, to) = (&spec.policy, spec.types().to);
-    let mut payload =
-        convert_payload(payload, to, policy.color_order, &policy.limits, || clock.ros_now().stamp)
-            .map_err(|error| ((&error).into(), error.to_string()))?;
+    let Policy { color_order, limits, .. } = spec.policy;
+    let conversion = Conversion { to: spec.message_types().to, color_order, limits };
+    let converted = conversion.convert(payload, || clock.ros_now().stamp);
+    let mut payload = converted.map_err(|error| ((&error).into(), error.to_string()))?;
     stamping::apply(spec, &mut payload, ends, received_at, clock)
         .map_err(|error| (DropReason::Malformed, error.to_string()))?;
     let sent = match publisher.forwarding() {

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::candidate::{Candidate, State};
+use super::candidate::{Candidate, CandidateState};
 use super::news;
 use super::pattern::Pattern;
 use super::plan::Plan;
@@ -48,12 +48,12 @@ impl Reconciler {
             let known = self.candidates.remove(&key);
             let mut candidate =
                 known.unwrap_or_else(|| Candidate::new(spec.from.clone(), spec.to.clone(), None));
-            if spec.is_whole() && !matches!(candidate.state, State::Runs(_)) {
+            if spec.is_whole() && !matches!(candidate.state, CandidateState::Runs(_)) {
                 changes.push(self.start(&mut candidate, Route::clone(spec)));
             }
             self.candidates.insert(key, candidate);
         }
-        news::lower(&mut changes);
+        news::summarize_endings(&mut changes);
         // Forgets these times, so that the next look goes over all candidates and others follow
         // soon.
         (self.stirred_at, self.scanned_at, self.came_at) = (None, None, None);
@@ -70,7 +70,7 @@ impl Reconciler {
         changes: &mut Vec<Change>,
     ) {
         let candidates = std::mem::take(&mut self.candidates);
-        let runs = |it: &(Key, Candidate)| matches!(it.1.state, State::Runs(_));
+        let runs = |it: &(Key, Candidate)| matches!(it.1.state, CandidateState::Runs(_));
         // Candidates with routes come first, so that they keep them where there is not room for
         // all.
         let (running, others): (Vec<_>, Vec<_>) = candidates.into_iter().partition(runs);
@@ -79,11 +79,11 @@ impl Reconciler {
             let means = |new: &Pattern| {
                 let spec = &new.spec;
                 spec.is_many()
-                    && spec.role() == old.spec.role()
+                    && spec.interaction() == old.spec.interaction()
                     && spec.from.middleware == old.spec.from.middleware
                     && spec.target(&name).is_some_and(|to| is_or_was_set_apart(&to, &candidate.to))
             };
-            let written = self.explicit.get(&candidate.key(old.spec.role())).copied();
+            let written = self.explicit.get(&candidate.key(old.spec.interaction())).copied();
             let adopted = written.or_else(|| self.patterns.iter().position(means));
             let adopted = adopted.filter(|new| {
                 let key = (*new, name.clone());
@@ -100,15 +100,15 @@ impl Reconciler {
             let new = adopted.and_then(|new| self.patterns.get_mut(new));
             let is_same =
                 is_there && new.as_ref().is_some_and(|new| new.spec.makes_the_same(&old.spec));
-            if let (State::Runs(id), false) = (&candidate.state, is_same) {
+            if let (CandidateState::Runs(id), false) = (&candidate.state, is_same) {
                 let why = match new {
                     Some(_) if !is_there => RESTARTED,
                     Some(_) => CHANGED,
                     None => removed,
                 };
                 changes.push(stop(*id, why));
-                let key = candidate.key(old.spec.role());
-                candidate.state = State::New;
+                let key = candidate.key(old.spec.interaction());
+                candidate.state = CandidateState::New;
                 self.was_ours(&key, now);
             }
             if !is_same {
@@ -126,8 +126,8 @@ impl Reconciler {
     }
 }
 
-/// True when a source goes `to` now, or would if no `_` set its name apart from another one, and nobody awaited it under
-/// another.
+/// True when a source goes `to` now, or would if no `_` set its name apart from another one, and no program awaited it
+/// under another.
 fn is_or_was_set_apart(to: &EndpointAddress, now: &EndpointAddress) -> bool {
     let alone = now.name.strip_suffix('_').unwrap_or(&now.name);
     to == now || (to.middleware == now.middleware && alone == to.name) || may_be_meant(to, now)

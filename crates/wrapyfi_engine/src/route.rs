@@ -16,12 +16,13 @@ use super::config_qos::{QosConfig, QosOverride};
 use super::stamping::StampSource;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind, Value};
+use wrapyfi_data::types::{Encoding, Map, MessageType, RosAction, ServiceKind, Value};
 use wrapyfi_endpoint::pattern::{
     Inverse, NamePattern, bare, fits_template, ros_name, with_leading_digits,
 };
 use wrapyfi_endpoint::{
-    BridgeMark, Conventions, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
+    ActionSpec, BridgeMark, Conventions, EndpointAddress, Interaction, Overflow, QueueSpec,
+    ServiceSpec, TopicSpec,
 };
 
 /// Option that both routes of a control board have at the board's end.
@@ -31,11 +32,11 @@ const LOG: (&str, usize) = ("rcl_interfaces/msg/Log", 1000);
 /// Time by which a request outlives the call that the route makes for it.
 const ANSWER_MARGIN: Duration = Duration::from_secs(2);
 
-/// Key of a route: its ends. Entries of two plans with one key are about the same route.
+/// Key of a route: its interaction and its ends. Entries of two plans with one key are about the same route.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RouteKey {
-    /// Role of the endpoints that the route takes from: publisher for topics, server for services.
-    pub role: Role,
+    /// Interaction of the endpoints that the route takes from and gives to.
+    pub interaction: Interaction,
     /// Source of messages, or address at which a service has its server.
     pub from: EndpointAddress,
     /// Destination of messages, or address at which a service is offered.
@@ -66,10 +67,10 @@ pub struct Route {
     /// Names that a pattern means; `None` for a route with one name.
     #[doc(hidden)]
     pub names: Option<Names>,
-    /// Messages or requests, and their types.
+    /// Types of messages, or of requests and replies.
     #[doc(hidden)]
-    pub kind: Kind,
-    /// Origin of the types in `kind`.
+    pub types: RouteTypes,
+    /// Origin of `types`.
     #[doc(hidden)]
     pub typing: Typing,
     /// Settings of the route.
@@ -80,26 +81,39 @@ pub struct Route {
     pub mark: Option<BridgeMark>,
 }
 
-/// Messages or requests, as the kind of a route.
+/// Types that a route carries.
 ///
 /// ```
 /// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_engine::{Kind, Route, Types};
+/// use wrapyfi_engine::{Route, RouteTypes, Types};
 /// let route = Route::topic("zeromq:/a".parse()?, "ros2:/a".parse()?, MessageType::Image);
-/// assert_eq!(route.kind, Kind::Topic(Types::from(MessageType::Image)));
+/// assert_eq!(route.types, RouteTypes::Topic(Types::from(MessageType::Image)));
 /// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum RouteTypes {
     /// Messages.
     Topic(Types),
     /// Requests and replies.
     Service(ServiceKind),
+    /// Goals, feedback and results; `None` until the type is learned.
+    Action(Option<RosAction>),
+}
+
+impl RouteTypes {
+    /// ROS name of the type at the destination.
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Topic(types) => types.to.label(),
+            Self::Service(kind) => kind.ros_type(),
+            Self::Action(kind) => kind.map_or("an action", RosAction::name),
+        }
+    }
 }
 
 /// Types of a route's messages.
 ///
-/// See [`Kind`].
+/// See [`RouteTypes`].
 ///
 /// ```
 /// use wrapyfi_data::types::MessageType;
@@ -211,12 +225,20 @@ pub struct Policy {
     pub plugins: Plugins,
     /// Settings that only some middlewares have, by name.
     pub options: Map,
-    /// True when the source is open only while somebody listens at the destination.
+    /// True when the source is open only while a program listens at the destination.
     pub lazy: bool,
     /// True where other routes may have the same destination, those of one pattern among them.
     pub merge: bool,
+    /// Time within which a call of a service is answered, [`ServiceSpec::TIMEOUT`] unless given, and a function that
+    /// stands for an action, for which there is no limit unless given.
+    pub timeout: Option<Duration>,
+}
+
+impl Policy {
     /// Time that a call of a service has.
-    pub timeout: Duration,
+    pub fn answer_within(&self) -> Duration {
+        self.timeout.unwrap_or(ServiceSpec::TIMEOUT)
+    }
 }
 
 impl Default for Policy {
@@ -232,11 +254,11 @@ impl Default for Policy {
             frame_id: None,
             stamp: None,
             limits: Limits::default(),
-            plugins: Plugins::standard(),
+            plugins: wrapyfi_plugins::standard(),
             options: Map::default(),
             lazy: false,
             merge: false,
-            timeout: ServiceSpec::TIMEOUT,
+            timeout: None,
         }
     }
 }
@@ -244,22 +266,27 @@ impl Default for Policy {
 impl Route {
     /// Makes a route of messages, with default settings.
     pub fn topic(from: EndpointAddress, to: EndpointAddress, message_type: MessageType) -> Self {
-        Self::new(from, to, Kind::Topic(message_type.into()))
+        Self::new(from, to, RouteTypes::Topic(message_type.into()))
     }
 
     /// Makes a route of a service that has its server at `from`, with default settings.
     pub fn service(from: EndpointAddress, to: EndpointAddress, kind: ServiceKind) -> Self {
-        Self::new(from, to, Kind::Service(kind))
+        Self::new(from, to, RouteTypes::Service(kind))
     }
 
-    pub(super) fn new(from: EndpointAddress, to: EndpointAddress, kind: Kind) -> Self {
+    /// Makes a route of an action that has its server at `from`, with default settings.
+    pub fn action(from: EndpointAddress, to: EndpointAddress, kind: RosAction) -> Self {
+        Self::new(from, to, RouteTypes::Action(Some(kind)))
+    }
+
+    pub(super) fn new(from: EndpointAddress, to: EndpointAddress, types: RouteTypes) -> Self {
         let (names, policy, mark) = (None, Policy::default(), None);
         let mut route = Self {
             name: String::new(),
             from,
             to,
             names,
-            kind,
+            types,
             typing: Typing::Given,
             policy,
             mark,
@@ -270,24 +297,26 @@ impl Route {
 
     /// Ends of the route in the direction of messages or requests, such as `ros2:/a -> zeromq:/a`.
     pub fn ends(&self) -> String {
-        let Self { from, to, .. } = self;
-        match self.kind {
-            Kind::Topic(_) => format!("{from} -> {to}"),
-            Kind::Service(_) => format!("{to} -> {from}"),
-        }
+        ends(self.interaction(), &self.from, &self.to)
+    }
+
+    /// The two ends in a name as [`Self::ends`] writes it.
+    pub fn read_ends(name: &str) -> Option<(&str, &str)> {
+        name.split_once(" -> ")
     }
 
     /// Key of the route.
     #[doc(hidden)]
     pub fn key(&self) -> RouteKey {
-        RouteKey { role: self.role(), from: self.from.clone(), to: self.to.clone() }
+        RouteKey { interaction: self.interaction(), from: self.from.clone(), to: self.to.clone() }
     }
 
-    /// Role of the endpoints that the route takes from.
-    pub fn role(&self) -> Role {
-        match self.kind {
-            Kind::Topic(_) => Role::Publisher,
-            Kind::Service(_) => Role::Server,
+    /// Interaction of the endpoints that the route takes from and gives to.
+    pub fn interaction(&self) -> Interaction {
+        match self.types {
+            RouteTypes::Topic(_) => Interaction::Topic,
+            RouteTypes::Service(_) => Interaction::Service,
+            RouteTypes::Action(_) => Interaction::Action,
         }
     }
 
@@ -301,25 +330,27 @@ impl Route {
         self.policy.options.get(BOARD_OPTION).and_then(Value::as_bool) == Some(true)
     }
 
+    /// Name of the board of which it is a direction, which has another word behind it.
+    pub fn board_name(&self) -> Option<&str> {
+        self.name.rsplit_once(' ').filter(|_| self.serves_board()).map(|(board, _)| board)
+    }
+
     /// True for a route that runs as it stands, because it has one name and its type is given.
     pub fn is_whole(&self) -> bool {
         !self.is_many() && self.typing == Typing::Given
     }
 
-    /// Types of the route's messages; native objects for a service, which has none.
-    pub fn types(&self) -> Types {
-        match self.kind {
-            Kind::Topic(types) => types,
-            Kind::Service(_) => MessageType::NativeObject.into(),
+    /// Types of the route's messages; native objects for a service or an action, which has none.
+    pub fn message_types(&self) -> Types {
+        match self.types {
+            RouteTypes::Topic(types) => types,
+            RouteTypes::Service(_) | RouteTypes::Action(_) => MessageType::NativeObject.into(),
         }
     }
 
     /// ROS name of the type at the destination.
     pub(super) fn label(&self) -> &'static str {
-        match self.kind {
-            Kind::Topic(types) => types.to.label(),
-            Kind::Service(kind) => kind.ros_type(),
-        }
+        self.types.label()
     }
 
     /// Destination of the source called `name`; `None` where the route leaves it out.
@@ -404,13 +435,13 @@ impl Route {
         // Routes of a pattern are named after their ends.
         self.is_many() == other.is_many()
             && (self.is_many() || self.name == other.name)
-            && (self.kind, self.typing) == (other.kind, other.typing)
+            && (self.types, self.typing) == (other.types, other.typing)
             && self.policy == other.policy
     }
 
     /// Topic to open at `address`, one of the route's two ends.
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
-        let (policy, types) = (&self.policy, self.types());
+        let (policy, types) = (&self.policy, self.message_types());
         let at_source = *address == self.from;
         let changed = if at_source { policy.from_override } else { policy.to_override };
         let mut queue = policy.queue;
@@ -453,19 +484,32 @@ impl Route {
 
     /// Service to open at `address`, one of the route's two ends.
     pub fn service_spec(&self, address: &EndpointAddress) -> ServiceSpec {
-        let kind = match self.kind {
-            Kind::Topic(_) => ServiceKind::NativeObject,
-            Kind::Service(kind) => kind,
+        let kind = match self.types {
+            RouteTypes::Service(kind) => kind,
+            RouteTypes::Topic(_) | RouteTypes::Action(_) => ServiceKind::NativeObject,
         };
         // The margin lets the route report that the server did not answer, before the request
         // expires.
         let margin = if *address == self.to { ANSWER_MARGIN } else { Duration::ZERO };
         ServiceSpec {
-            timeout: self.policy.timeout.saturating_add(margin),
+            timeout: self.policy.answer_within().saturating_add(margin),
             limits: self.policy.limits,
             options: self.policy.options.clone(),
             mark: self.mark.clone(),
             ..ServiceSpec::new(address.name.clone(), kind)
+        }
+    }
+
+    /// Action of type `kind` to open at `address`, one of the route's two ends.
+    pub fn action_spec(&self, address: &EndpointAddress, kind: RosAction) -> ActionSpec {
+        ActionSpec {
+            limits: self.policy.limits,
+            color_order: self.policy.color_order,
+            plugins: self.policy.plugins.clone(),
+            timeout: self.policy.timeout,
+            options: self.policy.options.clone(),
+            mark: self.mark.clone(),
+            ..ActionSpec::new(address.name.clone(), kind)
         }
     }
 
@@ -497,21 +541,26 @@ impl Route {
 
 impl fmt::Display for Route {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, typing, policy, .. } = self;
+        let Self { types, typing, policy, .. } = self;
         write!(f, "{}  ", self.ends())?;
-        match (typing, kind) {
+        match (typing, types) {
             (Typing::Learned | Typing::LearnedIfTold, _) => f.write_str("type learned")?,
-            (_, Kind::Topic(types)) if types.from != types.to => {
+            (_, RouteTypes::Topic(types)) if types.from != types.to => {
                 write!(f, "{} as {}", types.from.label(), types.to.label())?;
             }
             _ => f.write_str(self.label())?,
         }
-        match kind {
-            Kind::Topic(_) if self.is_whole() => self.show_settings(f)?,
-            Kind::Service(_) if self.is_whole() => {
-                write!(f, "  within {} ms", policy.timeout.as_millis())?;
+        match types {
+            _ if !self.is_whole() => {}
+            RouteTypes::Topic(_) => self.show_settings(f)?,
+            RouteTypes::Service(_) => {
+                write!(f, "  within {} ms", policy.answer_within().as_millis())?;
             }
-            _ => {}
+            RouteTypes::Action(_) => {
+                if let Some(timeout) = policy.timeout {
+                    write!(f, "  within {} ms", timeout.as_millis())?;
+                }
+            }
         }
         if let Some(frame_id) = &policy.frame_id {
             write!(f, "  frame_id {frame_id}")?;
@@ -535,20 +584,27 @@ impl fmt::Display for Route {
     }
 }
 
+/// Ends of a route in the direction of messages or calls, such as `ros2:/a -> zeromq:/a`.
+pub(super) fn ends(
+    interaction: Interaction,
+    source: &EndpointAddress,
+    destination: &EndpointAddress,
+) -> String {
+    let [from, to] = interaction.in_direction(source, destination);
+    format!("{from} -> {to}")
+}
+
 fn written(list: &[NamePattern]) -> Vec<String> {
     list.iter().map(NamePattern::to_string).collect()
 }
 
-/// Serialises a route as its entry in a configuration, with the same keys for all routes of a kind.
+/// Serialises a route as its entry in a configuration, with the same keys for all routes of an interaction.
 impl Serialize for Route {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { name, from, to, names, kind, typing, policy, mark } = self;
+        let Self { name, from, to, names, types, typing, policy, mark } = self;
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("name", name)?;
-        let (from_key, to_key) = match kind {
-            Kind::Topic(_) => ("from", "to"),
-            Kind::Service(_) => ("service", "as"),
-        };
+        let [from_key, to_key] = self.interaction().keys();
         map.serialize_entry(from_key, &from.to_string())?;
         map.serialize_entry(to_key, &to.to_string())?;
         match typing {
@@ -562,8 +618,8 @@ impl Serialize for Route {
             map.serialize_entry("default_deny", &default_deny.is_some())?;
             map.serialize_entry("max_routes", max_routes)?;
         }
-        match kind {
-            Kind::Topic(types) => {
+        match types {
+            RouteTypes::Topic(types) => {
                 map.serialize_entry("from_type", types.from.label())?;
                 map.serialize_entry("qos", &policy.qos.qos())?;
                 let is_matched = matches!(policy.qos, QosConfig::Match(_));
@@ -579,7 +635,13 @@ impl Serialize for Route {
                 map.serialize_entry("devices", &devices)?;
                 map.serialize_entry("lazy", &policy.lazy)?;
             }
-            Kind::Service(_) => map.serialize_entry("timeout_ms", &policy.timeout.as_millis())?,
+            RouteTypes::Service(_) => {
+                map.serialize_entry("timeout_ms", &policy.answer_within().as_millis())?;
+            }
+            RouteTypes::Action(_) => {
+                let timeout = policy.timeout.map(|timeout| timeout.as_millis());
+                map.serialize_entry("timeout_ms", &timeout)?;
+            }
         }
         map.serialize_entry("max_message_bytes", &policy.limits.message_bytes)?;
         let option = |(name, value): (&_, &_)| format!("{name:?}: {value:?}");

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::plan::Plan;
-use super::route::{Kind, Route, Types};
+use super::route::{Route, Types};
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
 
 /// A route of a plan.
 pub(super) struct Placed<'p> {
@@ -54,11 +54,11 @@ impl<'p> RouteIndex<'p> {
     /// a route that is written itself.
     pub fn instead_of(&self, made: &Route) -> Option<&'p Route> {
         let written = self.all.iter().map(|it| it.route).filter(|one| !one.is_many());
-        let mut of_role = written.filter(|one| one.role() == made.role());
-        if of_role.clone().any(|one| one.ends() == made.ends()) {
+        let mut alike = written.filter(|one| one.interaction() == made.interaction());
+        if alike.clone().any(|one| one.ends() == made.ends()) {
             return None;
         }
-        of_role.find(|one| is_by_hand([&one.from, &one.to], [&made.from, &made.to]))
+        alike.find(|one| is_by_hand([&one.from, &one.to], [&made.from, &made.to]))
     }
 
     /// Route at a place of the plan.
@@ -70,11 +70,12 @@ impl<'p> RouteIndex<'p> {
     /// Written routes that carry messages or calls from `address`.
     pub(super) fn taking_from(
         &self,
-        role: Role,
+        interaction: Interaction,
         address: &EndpointAddress,
     ) -> impl Iterator<Item = &Placed<'p>> {
         let places = self.taking.get(address).into_iter().flatten();
-        places.filter_map(|it| self.all.get(*it)).filter(move |it| it.route.role() == role)
+        let placed = places.filter_map(|it| self.all.get(*it));
+        placed.filter(move |it| it.route.interaction() == interaction)
     }
 }
 
@@ -89,13 +90,11 @@ pub(super) fn is_by_hand(
         || destination == to
 }
 
-/// True for a route of parameters, which are their node's, whoever set them, and are not set again where they
+/// True for a route of parameters, which are their node's, whichever program set them, and are not set again where they
 /// are the same already.
 pub(super) fn has_parameters(route: &Route) -> bool {
-    match route.kind {
-        Kind::Topic(Types { from, to }) => [from, to].contains(&MessageType::Properties),
-        Kind::Service(_) => false,
-    }
+    let Types { from, to } = route.message_types();
+    [from, to].contains(&MessageType::Properties)
 }
 
 #[cfg(test)]
@@ -104,9 +103,9 @@ pub(super) mod testing {
 
     use super::super::config::Config;
     use super::super::plan::Plan;
-    use super::super::plan_address::Available;
     use super::RouteIndex;
     use wrapyfi_endpoint::EndpointAddress;
+    use wrapyfi_endpoint::driver::Available;
 
     /// Plan of routes between the middlewares a, b and c, each as an entry of `routes` has it.
     pub(in super::super) fn plan(routes: &[&str]) -> Plan {

@@ -4,29 +4,32 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::route::{Kind, Route};
-use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
+use super::route::Route;
+use wrapyfi_endpoint::{Cause, CountersSnapshot, EndpointAddress, Interaction, Qos};
 
 /// State of a route. Every state but [`RouteState::Active`] says why.
 ///
 /// ```
 /// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use wrapyfi_core::engine::RouteState;
-/// let state = RouteState::Waiting("a publisher of zeromq:/camera".into());
-/// assert_eq!((state.word(), state.reason()), ("waiting", Some("a publisher of zeromq:/camera")));
-/// assert_eq!(state.to_string(), "waiting for a publisher of zeromq:/camera");
+/// use wrapyfi_endpoint::{Absent, CauseCode, Role};
+/// let camera = Absent::at(Role::Publisher, &"zeromq:/camera".parse()?);
+/// let state = RouteState::Waiting(camera.into());
+/// assert_eq!(state.cause().map(|cause| cause.code()), Some(CauseCode::NobodyPublishes));
+/// assert_eq!(state.to_string(), "waiting for a publisher on zeromq:/camera");
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(tag = "state", content = "reason", rename_all = "snake_case")]
+#[serde(tag = "state", rename_all = "snake_case")]
 pub enum RouteState {
     /// Nothing can flow yet; names the thing that the route waits for.
-    Waiting(String),
+    Waiting(Cause),
     /// Messages flow, or will as soon as there is one.
     Active,
     /// Messages flow, but some were lost lately; names the last cause.
-    Degraded(String),
+    Degraded(Cause),
     /// Nothing can ever flow as configured; names the setting to change.
-    Error(String),
+    Error(Cause),
 }
 
 impl RouteState {
@@ -40,11 +43,11 @@ impl RouteState {
         }
     }
 
-    /// Reason of the state; `None` for [`RouteState::Active`].
-    pub fn reason(&self) -> Option<&str> {
+    /// Cause of the state; `None` for [`RouteState::Active`].
+    pub fn cause(&self) -> Option<&Cause> {
         match self {
             Self::Active => None,
-            Self::Waiting(reason) | Self::Degraded(reason) | Self::Error(reason) => Some(reason),
+            Self::Waiting(cause) | Self::Degraded(cause) | Self::Error(cause) => Some(cause),
         }
     }
 
@@ -65,7 +68,7 @@ impl RouteState {
 impl fmt::Display for RouteState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
-        match (self, self.reason()) {
+        match (self, self.cause()) {
             (Self::Waiting(_), Some(what)) => write!(f, " for {what}"),
             (_, Some(reason)) => write!(f, ": {reason}"),
             (_, None) => Ok(()),
@@ -102,16 +105,17 @@ pub struct RouteStatus {
     pub from: String,
     /// Destination address.
     pub to: String,
-    /// Word for what the route carries: `topic` or `service`.
-    pub kind: &'static str,
+    /// Interaction that the route carries, in its word: `topic` or `service`.
+    #[serde(rename = "kind")]
+    pub interaction: Interaction,
     /// ROS name of the type that the route carries.
     #[serde(rename = "type")]
     pub message_type: &'static str,
     /// State and its reason.
     #[serde(flatten)]
     pub state: RouteState,
-    /// True where somebody is known at the source: there is a connection to a publisher, of a service to its server, or
-    /// a look at the middleware has found one.
+    /// True where a program is known at the source: there is a connection to a publisher, of a service to its server,
+    /// or a look at the middleware has found one.
     pub has_source: bool,
     /// Quality of service in use at the source, where its middleware has one.
     pub from_qos: Option<Qos>,
@@ -136,19 +140,16 @@ impl RouteStatus {
     /// Status of a route that carries nothing yet. A service shows its offered end first.
     pub(super) fn idle(
         name: &str,
-        (kind, from, to): (Kind, &EndpointAddress, &EndpointAddress),
+        (interaction, source, destination): (Interaction, &EndpointAddress, &EndpointAddress),
         message_type: &'static str,
         state: RouteState,
     ) -> Self {
-        let (kind, [from, to]) = match kind {
-            Kind::Topic(_) => ("topic", [from, to]),
-            Kind::Service(_) => ("service", [to, from]),
-        };
+        let [from, to] = interaction.in_direction(source, destination);
         Self {
             name: name.to_owned(),
             from: from.to_string(),
             to: to.to_string(),
-            kind,
+            interaction,
             message_type,
             state,
             has_source: false,
@@ -165,7 +166,7 @@ impl RouteStatus {
     /// Status of a route, or of a pattern, that runs as it stands in its plan.
     pub(super) fn planned(route: &Route, state: RouteState) -> Self {
         let label = if route.is_many() { "by pattern" } else { route.label() };
-        Self::idle(&route.name, (route.kind, &route.from, &route.to), label, state)
+        Self::idle(&route.name, (route.interaction(), &route.from, &route.to), label, state)
     }
 }
 

@@ -15,17 +15,19 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::end::End;
+use super::end::RouteEnd;
 use super::route::Route;
 use super::route_status::RouteState;
 use super::work::{
-    DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work, not_begun,
+    DEGRADED_FOR, Progress, REST_REVIEW_EVERY, REVIEW_EVERY, UNWANTED_FOR, Work, not_begun,
 };
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    CallError, Client, Context, Qos, Refusal, Registry, RequestId, ServeError, Server, Throttle,
-    Ticket,
+    Absent, CallError, Cause, Client, Context, DropReason, Qos, Refusal, Registry, RequestId, Role,
+    ServeError, Server, Throttle, Ticket,
 };
 
 /// Largest number of requests and replies moved in one step.
@@ -37,8 +39,10 @@ pub(crate) struct ServiceRelay {
     /// Bell and counters of the offered service, which are the route's.
     front: Context,
     back: Context,
-    offered: End<dyn Server>,
-    called: End<dyn Client>,
+    /// Conversion to the type that the offered service carries.
+    conversion: Option<Conversion>,
+    offered: RouteEnd<dyn Server>,
+    called: RouteEnd<dyn Client>,
     backoff: Backoff,
     /// Calls under way, each with the request that it is for.
     calls: BTreeMap<Ticket, RequestId>,
@@ -46,7 +50,7 @@ pub(crate) struct ServiceRelay {
     has_source: bool,
     /// Instant of the last request or reply.
     moved_at: Option<Instant>,
-    last_loss: Option<(Instant, String)>,
+    last_loss: Option<(Instant, Cause)>,
     losses: Throttle,
 }
 
@@ -57,8 +61,9 @@ impl ServiceRelay {
         // One bell for both sides.
         let back = Context { counters: Arc::default(), ..front.clone() };
         Self {
-            offered: End::new(registry, &spec.to.middleware),
-            called: End::new(registry, &spec.from.middleware),
+            conversion: spec.service_spec(&spec.to).conversion(),
+            offered: RouteEnd::new(registry, &spec.to.middleware),
+            called: RouteEnd::new(registry, &spec.from.middleware),
             front,
             back,
             backoff: Backoff::new(seed),
@@ -72,7 +77,7 @@ impl ServiceRelay {
         }
     }
 
-    /// True when nobody calls, and nobody has called for [`UNWANTED_FOR`].
+    /// True when no client calls, and no client has called for [`UNWANTED_FOR`].
     pub(super) fn is_at_rest(&self, now: Instant) -> bool {
         let is_quiet = |at: Instant| now.saturating_duration_since(at) >= UNWANTED_FOR;
         self.calls.is_empty() && self.moved_at.is_none_or(is_quiet)
@@ -82,11 +87,13 @@ impl ServiceRelay {
     /// open.
     fn reconcile(&mut self, now: Instant) {
         let Self { spec, front, back, offered, called, backoff, .. } = self;
-        let to = spec.service_spec(&spec.from);
-        called.open_with(now, backoff, |middleware| middleware.open_client(&to, back));
+        called.open_with(now, backoff, |middleware| {
+            middleware.open_client(&spec.service_spec(&spec.from), back)
+        });
         if called.open.is_some() {
-            let at = spec.service_spec(&spec.to);
-            offered.open_with(now, backoff, |middleware| middleware.open_server(&at, front));
+            offered.open_with(now, backoff, |middleware| {
+                middleware.open_server(&spec.service_spec(&spec.to), front)
+            });
         }
         if called.open.is_some() && offered.open.is_some() {
             backoff.reset();
@@ -107,14 +114,18 @@ impl ServiceRelay {
                 Err(error) => {
                     // The server has counted the request.
                     moved += 1;
-                    self.note(now, "refused a request", &error.to_string());
+                    let reason = match &error {
+                        ServeError::Request { reason, .. } => *reason,
+                        _ => DropReason::SendFailed,
+                    };
+                    self.note(now, "refused a request", reason, error.to_string());
                     continue;
                 }
             };
             moved += 1;
             // The call gets 95 % of the time left, so that its error still reaches the caller.
             let age = self.front.clock.age(asked.received_at);
-            let left = self.spec.policy.timeout.saturating_sub(age);
+            let left = self.spec.policy.answer_within().saturating_sub(age);
             match client.send(&asked.request, left / 20 * 19) {
                 Ok(ticket) => {
                     self.calls.insert(ticket, asked.id);
@@ -133,15 +144,25 @@ impl ServiceRelay {
             let Some((ticket, result)) = client.take() else { break };
             moved += 1;
             if let Some(id) = self.calls.remove(&ticket) {
-                self.end(now, id, result.map(|reply| reply.payload));
+                let result = result.and_then(|reply| self.converted(reply.payload));
+                self.end(now, id, result);
             }
         }
         moved
     }
 
+    /// Converts the value that a function returned to the type that the offered service carries.
+    fn converted(&self, payload: Payload) -> Result<Payload, CallError> {
+        let Some(conversion) = self.conversion else { return Ok(payload) };
+        conversion.convert(payload, || self.front.clock.ros_now().stamp).map_err(|error| {
+            let fault = DecodeError::mismatch(conversion.to.to_string(), error.to_string());
+            CallError::Reply { service: self.spec.from.name.clone(), fault }
+        })
+    }
+
     fn end(&mut self, now: Instant, id: RequestId, result: Result<Payload, CallError>) {
         let Some(server) = &mut self.offered.open else { return };
-        let why = result.as_ref().err().map(ToString::to_string);
+        let why = result.as_ref().err().map(|error| (error.drop_reason(), error.to_string()));
         let answer = result
             .map_err(|error| Refusal { text: error.to_string(), reason: error.drop_reason() });
         // A server that gave a request up has counted it.
@@ -149,19 +170,19 @@ impl ServiceRelay {
             Ok(_) | Err(ServeError::NotWaiting { .. }) => None,
             Err(error) => Some(error.to_string()),
         };
-        if let Some(why) = why {
-            self.note(now, "a call failed", &why);
+        if let Some((reason, why)) = why {
+            self.note(now, "a call failed", reason, why);
         }
         if let Some(untold) = untold {
-            self.note(now, "an answer was not sent", &untold);
+            self.note(now, "an answer was not sent", DropReason::SendFailed, untold);
         }
     }
 
-    fn note(&mut self, now: Instant, what: &str, text: &str) {
+    fn note(&mut self, now: Instant, what: &str, reason: DropReason, error: String) {
         if let Some(unlogged_before) = self.losses.pass(now) {
-            tracing::warn!(route = self.spec.name, unlogged_before, "{what}: {text}");
+            tracing::warn!(route = self.spec.name, unlogged_before, "{what}: {error}");
         }
-        self.last_loss = Some((now, text.to_owned()));
+        self.last_loss = Some((now, Cause::Lost { reason, error }));
     }
 
     fn judge(&mut self, now: Instant) -> RouteState {
@@ -175,7 +196,7 @@ impl ServiceRelay {
         let (server, client) = (server.link(), client.link());
         self.has_source = client.peers > Some(0);
         let is_alone = client.peers == Some(0);
-        let alone = || is_alone.then(|| format!("a server of {}", self.spec.from));
+        let alone = || is_alone.then(|| Absent::at(Role::Server, &self.spec.from).into());
         if let Some(what) = client.waiting_for.or(server.waiting_for).or_else(alone) {
             // What failed for want of it is over once it is there.
             self.last_loss = None;
@@ -191,7 +212,7 @@ impl ServiceRelay {
 }
 
 impl Work for ServiceRelay {
-    fn step(&mut self, now: Instant) -> Step {
+    fn step(&mut self, now: Instant) -> Progress {
         self.reconcile(now);
         for refused in self.back.counters.take_refused() {
             // The counters of the route are those of its other end.
@@ -213,7 +234,7 @@ impl Work for ServiceRelay {
             self.offered.open.as_ref().and_then(|server| server.deadline()),
             self.called.open.as_ref().and_then(|client| client.deadline()),
         ];
-        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+        Progress { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
@@ -267,7 +288,7 @@ mod tests {
             let [service, offered] =
                 ["memory:/real", "memory:/shown"].map(|at| at.parse().unwrap());
             let mut spec = Route::service(service, offered, kind);
-            spec.policy.timeout = Duration::from_millis(50);
+            spec.policy.timeout = Some(Duration::from_millis(50));
             Self { bus, relay: ServiceRelay::new(spec, &registry, 1, Context::default()) }
         }
 

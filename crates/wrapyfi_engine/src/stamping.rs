@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::route::Route;
 use wrapyfi_data::types::{HeaderChange, Payload, RosValueError, Stamp};
-use wrapyfi_endpoint::{Clock, Traits};
+use wrapyfi_endpoint::{Clock, RoutingProperties};
 
 /// Source of the time in the header of a route's messages.
 ///
@@ -53,11 +53,11 @@ impl fmt::Display for StampSource {
 pub(super) fn apply(
     spec: &Route,
     payload: &mut Payload,
-    ends: [Traits; 2],
+    ends: [RoutingProperties; 2],
     received_at: Instant,
     clock: &Clock,
 ) -> Result<(), RosValueError> {
-    if !spec.types().to.has_header() {
+    if !spec.message_types().to.has_header() {
         return Ok(());
     }
     let ([from, to], now) = (ends, clock.ros_now());
@@ -83,12 +83,12 @@ fn arrival(age: Duration) -> Stamp {
 
 #[cfg(test)]
 mod tests {
-    use super::super::route::Kind;
+    use super::super::route::RouteTypes;
     use super::*;
     use wrapyfi_data::types::{Encoding, Image, MessageType, NativeObject, RawPixels, Value};
     use wrapyfi_endpoint::RosNow;
 
-    const ROS: Traits = Traits {
+    const ROS: RoutingProperties = RoutingProperties {
         any_ros_type: true,
         ros_time: true,
         tells_own: true,
@@ -96,6 +96,7 @@ mod tests {
         subscribes_first: false,
         untyped: false,
         carriers: false,
+        action_topics: &[],
     };
     const THEN: Stamp = Stamp { sec: 5, nanosec: 0 };
     const SYSTEM: RosNow = RosNow { stamp: Stamp { sec: 9, nanosec: 0 }, simulated: false };
@@ -119,7 +120,7 @@ mod tests {
     fn stamped(
         mut payload: Payload,
         spec: &Route,
-        ends: [Traits; 2],
+        ends: [RoutingProperties; 2],
         now: RosNow,
     ) -> (i32, String) {
         let clock = Clock::default().with_ros_time(move || now);
@@ -133,7 +134,7 @@ mod tests {
 
     #[test]
     fn the_time_is_that_of_the_source_unless_the_route_says_otherwise() {
-        let other = Traits::default();
+        let other = RoutingProperties::default();
         let none = Stamp::default();
         for (payload, said, ends, now, wanted) in [
             (image(THEN), None, [other, ROS], SYSTEM, 5),
@@ -166,12 +167,12 @@ mod tests {
                 other => panic!("{other:?}"),
             }
         };
-        let ends = [Traits::default(), ROS];
+        let ends = [RoutingProperties::default(), ROS];
         let mut spec = spec(&image(THEN), None);
         assert_eq!(stamped(named.clone().into(), &spec, ends, SYSTEM).1, "eye");
         spec.policy.frame_id = Some("camera".into());
         assert_eq!(stamped(named.into(), &spec, ends, SYSTEM), (5, "camera".into()));
-        spec.kind = Kind::Topic(MessageType::Text.into());
+        spec.types = RouteTypes::Topic(MessageType::Text.into());
         assert_eq!(stamped(object(Stamp::default()), &spec, ends, SYSTEM), (0, String::new()));
     }
 }

@@ -1,7 +1,7 @@
-//! The newest message of a route, for somebody who looks now and then.
+//! The newest message of a route, for a reader that looks now and then.
 //!
 //! ```text
-//!   data path ─ show(payload) ─▶ nobody wants one: a load, and nothing else
+//!   data path ─ show(payload) ─▶ no reader wants one: a load, and nothing else
 //!                             └▶ else: kept, once ─▶ take()
 //! ```
 
@@ -18,7 +18,7 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// Shows a message that has just come. It is kept where somebody wants one, and its bytes are shared.
+    /// Shows a message that has just come. It is kept where a reader wants one, and its bytes are shared.
     pub(super) fn show(&self, payload: &Payload) {
         if self.is_wanted.load(Relaxed) {
             let mut newest = self.newest.lock();

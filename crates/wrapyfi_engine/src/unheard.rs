@@ -7,10 +7,10 @@
 
 use std::fmt;
 
-use super::route::{Kind, Route};
+use super::route::Route;
 use super::route_index::{Placed, RouteIndex, has_parameters};
 use wrapyfi_endpoint::pattern::{Inverse, filled_template, fits_template};
-use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
 
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,7 +46,7 @@ impl RouteIndex<'_> {
     /// The way back, from B to A, is not among them, because it is not meant to hear.
     pub fn unheard(&self) -> Vec<UnheardRoutes> {
         let has_messages = |it: &&Placed<'_>| {
-            matches!(it.route.kind, Kind::Topic(_))
+            it.route.interaction() == Interaction::Topic
                 && !has_parameters(it.route)
                 && !it.route.serves_board()
         };
@@ -70,12 +70,12 @@ impl RouteIndex<'_> {
                         && may_become(route, &to.name, &address.name)
                 });
                 for address in met {
-                    let others = self.taking_from(Role::Publisher, address);
+                    let others = self.taking_from(Interaction::Topic, address);
                     let others = others.filter(|it| it.to.middleware != from.middleware);
                     others.for_each(|other| note(publishing, other, address));
                 }
             } else {
-                let others = self.taking_from(Role::Publisher, to).filter(|it| it.to != *from);
+                let others = self.taking_from(Interaction::Topic, to).filter(|it| it.to != *from);
                 others.for_each(|other| note(publishing, other, to));
             }
             // What a pattern publishes has many names: one stands for all.

@@ -2,8 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+use super::candidate::Misfit;
 use super::route_status::RouteState;
-use wrapyfi_endpoint::Qos;
+use wrapyfi_endpoint::{Cause, Qos};
 
 /// Time for which a loss keeps a route `degraded`.
 pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
@@ -16,7 +17,7 @@ pub(super) const REST_REVIEW_EVERY: Duration = Duration::from_secs(2);
 
 /// Messages that a step moved, and the time of the next one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Step {
+pub struct Progress {
     /// Number of messages taken, delivered or not.
     pub moved: usize,
     /// Instant at which to step again if the bell does not ring before.
@@ -25,18 +26,18 @@ pub struct Step {
 
 /// State of a route that has opened nothing yet.
 pub(super) fn not_begun() -> RouteState {
-    RouteState::Waiting("its first step".to_owned())
+    RouteState::Waiting(Cause::Starting("its first step"))
 }
 
 /// Order that the reconciler gives a route that goes on; its next step carries it out.
 #[derive(Debug)]
 pub(super) enum Order {
-    /// Keep the source open from now on, whether somebody listens or not.
+    /// Keep the source open from now on, whether a program listens or not.
     KeepOpen,
-    /// Name listeners of another type than the route's, for as long as nobody else listens.
-    NameMisfits(Option<String>),
+    /// Name listeners of another type than the route's, for as long as no other program listens.
+    NameMisfits(Option<Misfit>),
     /// Keep the ends closed, because the route would close a circle over other bridges; open them again without one.
-    StayClosed(Option<String>),
+    StayClosed(Option<Cause>),
 }
 
 /// Reason that a route is to end.
@@ -50,10 +51,10 @@ pub(super) struct Ending {
 /// A route at work: no threads, no clock of its own.
 pub(super) trait Work: Send {
     /// Brings the route one step on. Blocks only as long as a reliable destination does.
-    fn step(&mut self, now: Instant) -> Step;
+    fn step(&mut self, now: Instant) -> Progress;
 
     /// State of the route after its last step, quality of service in use at source and destination, and whether
-    /// somebody is known at the source.
+    /// a program is known at the source.
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool);
 
     /// True once the route has opened what it needs.

@@ -58,7 +58,7 @@ pub(crate) fn modules(definitions: &Definitions) -> Result<String, BuildError> {
             write!(
                 source,
                 "/// {doc}\n{lints}\
-                 #[allow(clippy::approx_constant, clippy::derivable_impls)]\n\
+                 #[allow(clippy::approx_constant, clippy::derivable_impls, clippy::upper_case_acronyms)]\n\
                  pub mod {} {{\n{types}}}\n",
                 kind.as_str()
             )

@@ -2,7 +2,7 @@
 //! 1's own genpy, compared with CDR that rosbags wrote (`test/peers/ros1_vectors.py`).
 //!
 //! `WRAPYFI_ROS1_PREFIX` says where those packages are, `/usr` by default. Whatever other packages are
-//! there is carried too, by the definitions in its folders: nobody has to have it built in.
+//! there is carried too, by the definitions in its folders: no program has to have it built in.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
 use std::collections::BTreeMap;

@@ -165,13 +165,16 @@ fn describe(method: &Method, this: &syn::Type, api: &TokenStream) -> TokenStream
     let registers = method.registers().zip(&method.returns).map(|(register, returned)| {
         register.constant(api, &without_self(returned.to_token_stream(), this))
     });
-    let receives = method.received.is_some();
+    let (receives, is_action) = (method.received.is_some(), method.is_action());
+    let has_feedback = method.feedback.is_some();
     quote! {
         #api::MethodSpec {
             name: #name,
             arguments: &[#(#arguments),*],
             registers: &[#(#registers),*],
             receives: #receives,
+            is_action: #is_action,
+            has_feedback: #has_feedback,
         }
     }
 }

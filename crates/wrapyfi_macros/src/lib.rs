@@ -48,6 +48,14 @@ pub fn communicator(attribute: TokenStream, item: TokenStream) -> TokenStream {
 /// `#[default(value)]` before an argument is what a server takes where a client leaves it out, as
 /// `blocking=True` in Python's `def`.
 ///
+/// The data type `Action` makes an action of the method: its arguments are the goal, without those that `$` names, and
+/// what it returns is the result. `#[feedback]` marks an argument `&Feedback`.
+///
+/// ```text
+/// #[register(Action, "ros2", "/count", action_type = "demo/action/Count")]
+/// fn count(&self, to: i32, #[feedback] progress: &Feedback) -> i32
+/// ```
+///
 /// It means something only inside a block that has [`macro@communicator`].
 #[proc_macro_attribute]
 pub fn register(_attribute: TokenStream, item: TokenStream) -> TokenStream {

@@ -5,7 +5,8 @@
 //!           kept   Text          Slice           Owned       one for each #[register], in order
 //! ```
 //!
-//! `#[default(value)]` before an argument is its value where a client leaves it out.
+//! `#[default(value)]` before an argument is its value where a client leaves it out. `#[feedback]` marks the one through
+//! which the feedback of an action goes.
 //!
 //! An argument is lent or given to the body. A server decodes an owned twin of it: `String` for
 //! `&str`, `Vec<T>` for `&[T]`, `T` for `&T` and `T`.
@@ -46,21 +47,24 @@ pub(crate) struct Method {
     pub(crate) variant: Ident,
     pub(crate) is_async: bool,
     pub(crate) receiver: TokenStream,
-    /// Without the received one.
+    /// Without those that are marked.
     pub(crate) arguments: Vec<Argument>,
     /// Place among all arguments, name and type of the argument with `#[received]`.
     pub(crate) received: Option<(usize, Ident, Type)>,
+    /// The same of the argument with `#[feedback]`.
+    pub(crate) feedback: Option<(usize, Ident, Type)>,
     pub(crate) registrations: Vec<Registration>,
     /// Type of each value, as the registrations order them.
     pub(crate) returns: Vec<Type>,
 }
 
-/// Takes `#[register]`, `#[received]` and `#[default]` off a method; `None` where it has no `#[register]`.
+/// Takes `#[register]` and the marks of arguments off a method; `None` where it has no `#[register]`.
 pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
     let marks = taken(&mut method.attrs, "register");
     let of_arguments = method.sig.inputs.iter_mut().map(|input| match input {
         FnArg::Typed(argument) => ArgumentMarks {
             received: taken(&mut argument.attrs, "received"),
+            feedback: taken(&mut argument.attrs, "feedback"),
             default: taken(&mut argument.attrs, "default"),
         },
         FnArg::Receiver(_) => ArgumentMarks::default(),
@@ -73,6 +77,7 @@ pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
 #[derive(Default)]
 struct ArgumentMarks {
     received: Vec<Attribute>,
+    feedback: Vec<Attribute>,
     default: Vec<Attribute>,
 }
 
@@ -113,22 +118,26 @@ impl Method {
             .collect::<syn::Result<Vec<_>>>()?;
         let receiver = receiver(signature)?;
         let mut arguments = Vec::new();
-        let mut prev = None;
+        let (mut prev, mut progress) = (None, None);
         // The receiver is input 0.
         let inputs = signature.inputs.iter().zip(of_arguments).enumerate();
-        for (index, (input, ArgumentMarks { received, default })) in inputs.skip(1) {
+        for (index, (input, ArgumentMarks { received, feedback, default })) in inputs.skip(1) {
             let FnArg::Typed(argument) = input else { continue };
             let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
-            if !received.is_empty() {
-                if prev.is_some() {
-                    return wrong(name.span(), "one argument can be #[received], not two");
+            let (marked, mark) = match (received.is_empty(), feedback.is_empty()) {
+                (true, true) => {
+                    let passing = passing(&written)?;
+                    let default = default.last().map(default_value).transpose()?;
+                    arguments.push(Argument { name, written, passing, default });
+                    continue;
                 }
-                prev = Some((index - 1, name, written));
-                continue;
+                (false, _) => (&mut prev, "received"),
+                (true, false) => (&mut progress, "feedback"),
+            };
+            if marked.is_some() {
+                return wrong(name.span(), format!("one argument can be #[{mark}], not two"));
             }
-            let passing = passing(&written)?;
-            let default = default.last().map(default_value).transpose()?;
-            arguments.push(Argument { name, written, passing, default });
+            *marked = Some((index - 1, name, written));
         }
         let returns = returns(&signature.output, &registrations)?;
         let method = Self {
@@ -140,10 +149,12 @@ impl Method {
             receiver,
             arguments,
             received: prev,
+            feedback: progress,
             registrations,
             returns,
         };
         method.check_names()?;
+        method.check_action()?;
         Ok(method)
     }
 
@@ -151,25 +162,57 @@ impl Method {
         self.registrations.iter().flat_map(Registration::registers)
     }
 
+    pub(crate) fn is_action(&self) -> bool {
+        self.registers().any(|register| register.is_action)
+    }
+
+    /// True for an argument that a request carries: those of an action are its goal, without what `$` names.
+    pub(crate) fn is_sent(&self, index: usize, argument: &Argument) -> bool {
+        !self.is_action() || !self.is_substituted(index, argument)
+    }
+
+    fn is_substituted(&self, index: usize, argument: &Argument) -> bool {
+        self.registers().flat_map(Register::texts).any(|text| {
+            let text = text.value();
+            let wanted = text.strip_prefix('$');
+            wanted.is_some_and(|wanted| argument.name == wanted || wanted.parse() == Ok(index))
+        })
+    }
+
     /// The arguments that options name with `$`, by their place.
     pub(crate) fn substituted(&self) -> Vec<usize> {
-        let texts: Vec<_> =
-            self.registers().flat_map(Register::texts).map(syn::LitStr::value).collect();
-        let is_used = |index: usize, name: &str| {
-            texts
-                .iter()
-                .filter_map(|text| text.strip_prefix('$'))
-                .any(|wanted| wanted == name || wanted.parse() == Ok(index))
-        };
         // A constant may turn out to be one of them: then all are kept.
         let is_constant = |text: &syn::Expr| !matches!(text, syn::Expr::Lit(_));
         let mut ends = self.registers().flat_map(|it| it.middleware.iter().chain([&it.topic]));
         let constant = ends.any(is_constant);
         let arguments = self.arguments.iter().enumerate();
         arguments
-            .filter(|(index, argument)| constant || is_used(*index, &argument.name.to_string()))
+            .filter(|(index, argument)| constant || self.is_substituted(*index, argument))
             .map(|(index, _)| index)
             .collect()
+    }
+
+    /// An action has one result, nothing that it could receive, and feedback that goes through a borrow.
+    fn check_action(&self) -> syn::Result<()> {
+        let is_one = matches!(self.registrations.as_slice(), [Registration::One(_)]);
+        match (self.is_action(), &self.received, &self.feedback) {
+            (true, ..) if !is_one => wrong(
+                self.name.span(),
+                "an action is the only #[register] of its method, because a goal has one result",
+            ),
+            (true, Some((_, name, _)), _) => wrong(
+                name.span(),
+                "an action receives nothing beside its goal: leave #[received] out",
+            ),
+            (false, _, Some((_, name, _))) => wrong(
+                name.span(),
+                "only an action has feedback: write #[register(Action, …)] on the method",
+            ),
+            (_, _, Some((_, name, written))) if !matches!(written, Type::Reference(_)) => {
+                wrong(name.span(), format!("feedback is lent: write `{name}: &Feedback`"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Every `$name` must be an argument.

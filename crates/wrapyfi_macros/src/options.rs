@@ -56,6 +56,12 @@ const OPTIONS: &[(&str, ValueKind)] = &[
     ("message_type", ValueKind::Text),
     ("qos", ValueKind::Text),
     ("timeout_ms", ValueKind::Number),
+    // Action.
+    ("action_type", ValueKind::Text),
+    ("feedback", ValueKind::Text),
+    ("poll", ValueKind::Text),
+    ("until", ValueKind::Text),
+    ("poll_ms", ValueKind::Number),
     // Image.
     ("fp", ValueKind::Switch),
     ("height", ValueKind::Number),

@@ -17,7 +17,10 @@ use syn::{Expr, ExprLit, Ident, Lit, LitStr, Token, UnOp, bracketed, parenthesiz
 use crate::options::{self, ValueKind};
 use crate::suggest::{did_you_mean, listed, wrong};
 
-const DATA_TYPES: [&str; 5] = ["NativeObject", "Image", "AudioChunk", "Properties", "RosMessage"];
+const DATA_TYPES: [&str; 6] =
+    ["NativeObject", "Image", "AudioChunk", "Properties", "RosMessage", ACTION];
+/// Word for a method that is an action. Its value is a native object.
+const ACTION: &str = "Action";
 /// Wrapyfi's names for the last one.
 const OF_WRAPYFI: [&str; 2] = ["ROSMessage", "ROS2Message"];
 
@@ -31,8 +34,9 @@ pub(crate) enum Registration {
 
 /// Type, place and options of one value.
 pub(crate) struct Register {
-    /// One of `DATA_TYPES`.
+    /// One of `DATA_TYPES`; that of its value for an action.
     pub(crate) data_type: Ident,
+    pub(crate) is_action: bool,
     /// Text or constant; `None` is the default middleware.
     pub(crate) middleware: Option<Expr>,
     /// Text or constant.
@@ -175,7 +179,22 @@ impl Register {
         {
             return wrong(text.span(), "an empty topic: write a name such as \"/camera\"");
         }
-        Ok(Self { data_type, middleware, topic, options })
+        let is_action = data_type == ACTION;
+        match (is_action, options.iter().find(|setting| setting.name == "action_type")) {
+            (true, None) => wrong(
+                span,
+                "an action has a type: #[register(Action, \"ros2\", \"/name\", action_type = \"package/action/Type\")]",
+            ),
+            (false, Some(setting)) => wrong(
+                setting.span,
+                "`action_type` makes an action: write the data type Action, or leave it out",
+            ),
+            (true, Some(_)) => {
+                let data_type = Ident::new("NativeObject", span);
+                Ok(Self { data_type, is_action, middleware, topic, options })
+            }
+            (false, None) => Ok(Self { data_type, is_action, middleware, topic, options }),
+        }
     }
 
     /// Every text that may begin with `$`.
@@ -196,7 +215,7 @@ impl Register {
         communicator: &TokenStream,
         returned: &TokenStream,
     ) -> TokenStream {
-        let Self { data_type, middleware, topic, options } = self;
+        let Self { data_type, middleware, topic, options, .. } = self;
         let middleware = match middleware {
             Some(text) => quote!(::core::option::Option::Some(#text)),
             None => quote!(::core::option::Option::None),

@@ -10,6 +10,8 @@
 //!   transceive         wait ─ body ─ send ─ gather → received values
 //!   request    ask                               → replies
 //!   reply      hear ─ body with the request's arguments ─ answer → own values
+//!
+//! Request and reply of an action are its goal and its result.
 //! ```
 
 use proc_macro2::{Ident, TokenStream};
@@ -44,7 +46,7 @@ impl Wrapper<'_> {
             .iter()
             .map(|Argument { name, written, .. }| quote!(#name: #written))
             .collect();
-        if let Some((place, name, written)) = &method.received {
+        for (place, name, written) in method.received.iter().chain(&method.feedback) {
             inputs.insert(*place, quote!(#name: #written));
         }
         let inputs = inputs.into_iter().map(|input| without_self(input, this));
@@ -174,14 +176,14 @@ impl Wrapper<'_> {
     }
 
     /// A call of the body: with the arguments of the wrapper, or with twins of these names.
-    fn body(&self, twins: Option<&[Ident]>) -> TokenStream {
+    fn body(&self, twins: Option<&[Option<Ident>]>) -> TokenStream {
         let mut arguments: Vec<TokenStream> = self
             .method
             .arguments
             .iter()
             .enumerate()
             .map(|(index, Argument { name, passing, .. })| {
-                match twins.and_then(|twins| twins.get(index)) {
+                match twins.and_then(|twins| twins.get(index)?.as_ref()) {
                     None => name.to_token_stream(),
                     Some(twin) => match passing {
                         Passing::Owned(_) => quote!(#twin),
@@ -197,6 +199,11 @@ impl Wrapper<'_> {
             } else {
                 quote!(#name)
             };
+            arguments.insert(*place, argument);
+        }
+        if let Some((place, name, _)) = &self.method.feedback {
+            let feedback = hidden("feedback");
+            let argument = if twins.is_some() { quote!(&#feedback) } else { quote!(#name) };
             arguments.insert(*place, argument);
         }
         let name = &self.method.name;
@@ -227,13 +234,19 @@ impl Wrapper<'_> {
 
     fn request(&self, session: &Ident, gathered: &Ident, taken: &TokenStream) -> TokenStream {
         let api = self.api;
-        let pairs = self.method.arguments.iter().map(|argument| {
+        let sent = self.method.arguments.iter().enumerate();
+        let sent = sent.filter(|(index, argument)| self.method.is_sent(*index, argument));
+        let pairs = sent.map(|(_, argument)| {
             let (name, value) = (argument.name.unraw().to_string(), Self::lent(argument));
             quote!((#name, #api::argument(#value)))
         });
         let pairs = quote!(::std::vec![#(#pairs),*]);
         let is_async = self.method.is_async;
-        let ask = self.waited(&quote!(#session.ask(#is_async, #pairs)));
+        let feedback = match &self.method.feedback {
+            Some((_, name, _)) => quote!(::core::option::Option::Some(#name)),
+            None => quote!(::core::option::Option::None),
+        };
+        let ask = self.waited(&quote!(#session.ask(#is_async, #pairs, #feedback)));
         quote! {
             let mut #gathered = #ask;
             return ::core::result::Result::Ok(#taken);
@@ -243,10 +256,13 @@ impl Wrapper<'_> {
     fn reply(&self, own: &TokenStream, some: &TokenStream, nothing: &TokenStream) -> TokenStream {
         let (api, this, method) = (self.api, &self.block.this, self.method);
         let (session, request) = (hidden("session"), hidden("request"));
-        let twins: Vec<_> =
-            (0..method.arguments.len()).map(|index| hidden(&format!("twin_{index}"))).collect();
+        let twin = |(index, argument)| {
+            method.is_sent(index, argument).then(|| hidden(&format!("twin_{index}")))
+        };
+        let twins: Vec<_> = method.arguments.iter().enumerate().map(twin).collect();
         let decoded =
             method.arguments.iter().zip(&twins).enumerate().map(|(index, (argument, twin))| {
+                let twin = twin.as_ref()?;
                 let name = argument.name.unraw().to_string();
                 let kind = match &argument.passing {
                     Passing::Owned(kind) | Passing::Lent(kind) => kind.to_token_stream(),
@@ -265,7 +281,7 @@ impl Wrapper<'_> {
                         quote!(#request.argument_or(#index, #name, || -> #kind { #value }))
                     }
                 };
-                quote! {
+                Some(quote! {
                     let #twin: #kind = match #found {
                         ::core::result::Result::Ok(twin) => twin,
                         ::core::result::Result::Err(reason) => {
@@ -273,9 +289,15 @@ impl Wrapper<'_> {
                             continue;
                         }
                     };
-                }
+                })
             });
+        let decoded = decoded.flatten();
         let body = self.body(Some(&twins));
+        let twins: Vec<_> = twins.iter().flatten().collect();
+        let feedback = method.feedback.as_ref().map(|_| {
+            let feedback = hidden("feedback");
+            quote!(let #feedback = #request.feedback();)
+        });
         let is_async = method.is_async;
         let answers = (0..method.returns.len()).map(|index| {
             let (kind, value) = (self.kind(index), self.value(index));
@@ -291,6 +313,7 @@ impl Wrapper<'_> {
                 #(#decoded)*
                 break (#request, #(#twins),*);
             };
+            #feedback
             let #own = #body;
             #(#answers;)*
             return ::core::result::Result::Ok(#some);

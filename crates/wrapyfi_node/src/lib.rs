@@ -41,6 +41,24 @@ use args::RosArgs;
 use wrapyfi_data::types::Stamp;
 pub use wrapyfi_data::types::{ParameterType, ParameterValue};
 
+/// Last parts of the names of the services that a node of ROS 2 offers about itself, also a managed one.
+pub const NODE_SERVICES: &[&str] = &[
+    "get_parameters",
+    "get_parameter_types",
+    "set_parameters",
+    "set_parameters_atomically",
+    "list_parameters",
+    "describe_parameters",
+    "get_type_description",
+    "get_logger_levels",
+    "set_logger_levels",
+    "change_state",
+    "get_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_transition_graph",
+];
+
 /// Parameters that every node has and that are true or false.
 const NODE_SWITCHES: [&str; 2] = ["use_sim_time", "start_type_description_service"];
 

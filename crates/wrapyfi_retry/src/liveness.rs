@@ -80,7 +80,7 @@ fn socklen<T>() -> libc::socklen_t {
 
 /// State of the bytes under way, as the kernel reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Look {
+struct BytesUnderWay {
     /// Some were sent again, or the peer was asked for room, without an acknowledgement since.
     unanswered: bool,
     /// Some are not acknowledged yet, or wait for room.
@@ -89,7 +89,7 @@ struct Look {
     quiet: Duration,
 }
 
-fn look(stream: &TcpStream) -> io::Result<Look> {
+fn look(stream: &TcpStream) -> io::Result<BytesUnderWay> {
     // SAFETY: see the contract above.
     let (code, info) = unsafe {
         let mut info: libc::tcp_info = std::mem::zeroed();
@@ -102,7 +102,7 @@ fn look(stream: &TcpStream) -> io::Result<Look> {
         return Err(io::Error::last_os_error());
     }
     let unanswered = info.tcpi_retransmits > 0 || info.tcpi_probes > 0;
-    Ok(Look {
+    Ok(BytesUnderWay {
         unanswered,
         outstanding: unanswered || info.tcpi_unacked > 0 || info.tcpi_backoff > 0,
         quiet: Duration::from_millis(info.tcpi_last_ack_recv.into()),
@@ -155,7 +155,7 @@ impl Silence {
     }
 
     /// Notes the state of a look; true when the peer is gone.
-    fn note(&mut self, now: Look) -> bool {
+    fn note(&mut self, now: BytesUnderWay) -> bool {
         self.looks = if now.unanswered { self.looks + 1 } else { 0 };
         self.looks >= LOOKS && now.quiet >= LOOK * (LOOKS - 1)
     }
@@ -168,8 +168,8 @@ mod tests {
 
     use super::*;
 
-    const UNANSWERED: Look =
-        Look { unanswered: true, outstanding: true, quiet: Duration::from_secs(100) };
+    const UNANSWERED: BytesUnderWay =
+        BytesUnderWay { unanswered: true, outstanding: true, quiet: Duration::from_secs(100) };
 
     #[test]
     fn a_peer_is_gone_after_looks_without_any_answer() {
@@ -182,11 +182,11 @@ mod tests {
         for _ in 0..LOOKS - 1 {
             assert!(!silence.note(UNANSWERED));
         }
-        assert!(!silence.note(Look { unanswered: false, ..UNANSWERED }));
+        assert!(!silence.note(BytesUnderWay { unanswered: false, ..UNANSWERED }));
         assert!(!silence.note(UNANSWERED));
         // Acknowledgements came between the looks.
         let mut silence = Silence::default();
-        let lossy = Look { quiet: Duration::from_millis(900), ..UNANSWERED };
+        let lossy = BytesUnderWay { quiet: Duration::from_millis(900), ..UNANSWERED };
         assert!((0..100).all(|_| !silence.note(lossy)));
     }
 

@@ -27,7 +27,7 @@ impl<T> Mutex<T> {
         }
     }
 
-    /// The value, which nobody else can lock now.
+    /// The value, locked for its holder alone.
     pub fn get_mut(&mut self) -> &mut T {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
     }

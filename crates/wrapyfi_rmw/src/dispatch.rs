@@ -5,7 +5,7 @@
 //!     holds locks of the endpoint                       holds none: may take, count, create
 //! ```
 //!
-//! Fast DDS calls while it holds the lock of the reader. Whoever would take a lock of his own there, and takes
+//! Fast DDS calls while it holds the lock of the reader. A callback that takes a lock of its own there, and takes
 //! messages under the same lock elsewhere, would wait for ever.
 
 #![allow(unsafe_code, reason = "middlewares give a pointer back")]

@@ -292,7 +292,7 @@ impl Drop for Waiter {
         if self.thread.take().is_some_and(|thread| thread.join().is_err()) {
             tracing::error!("the thread that waited for the graph panicked");
         }
-        // SAFETY: nobody waits on it any more.
+        // SAFETY: no thread waits on it any more.
         let code = unsafe { sys::rmw_destroy_guard_condition(self.stop) };
         if let Err(fault) = Fault::check("rmw_destroy_guard_condition", code) {
             tracing::debug!(%fault, "a guard condition was not destroyed");

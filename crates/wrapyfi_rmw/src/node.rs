@@ -52,11 +52,11 @@ pub struct Node(pub(crate) Arc<Inner>);
 pub(crate) struct Inner {
     node: *mut sys::rmw_node_t,
     /// Dropped after the node is destroyed.
-    shared: Arc<Shared>,
+    shared: Arc<NodeState>,
 }
 
 /// State that a node and its children share.
-struct Shared {
+struct NodeState {
     /// `None` once the middleware has been left.
     joined: Option<Joined>,
     /// rmw creates and destroys one node or endpoint at a time.
@@ -132,7 +132,7 @@ impl Node {
                 return Err(fault);
             }
         };
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(NodeState {
             joined: Some(Joined { waiter, node, context }),
             making: Mutex::default(),
             own: Mutex::new(own),
@@ -230,7 +230,7 @@ fn context(
         // SAFETY: both are initialised, and rmw copies the options.
         Fault::check("rmw_init", unsafe { sys::rmw_init(&raw const init, context.get()) })
     });
-    // SAFETY: initialised above, used by nobody else.
+    // SAFETY: initialised above, used by nothing else.
     let code = unsafe { sys::rmw_init_options_fini(&raw mut init) };
     if let Err(fault) = Fault::check("rmw_init_options_fini", code) {
         tracing::debug!(%fault, "options were not freed");
@@ -326,7 +326,7 @@ impl Drop for Inner {
     }
 }
 
-impl Drop for Shared {
+impl Drop for NodeState {
     fn drop(&mut self) {
         let Some(joined) = self.joined.take() else { return };
         // A watch that holds the last share of the node may be dropped by the thread that waits for the graph, which

@@ -194,7 +194,7 @@ impl Drop for Publisher {
             self.wait_for_acknowledgements();
         }
         let _making = self.node.making();
-        // SAFETY: made by this node, and used by nobody any more.
+        // SAFETY: made by this node, and not used any more.
         let code = unsafe { sys::rmw_destroy_publisher(self.node.node(), self.raw) };
         if let Err(fault) = Fault::check("rmw_destroy_publisher", code) {
             tracing::warn!(%fault, "a publisher was not destroyed");

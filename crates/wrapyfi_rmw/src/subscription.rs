@@ -215,7 +215,7 @@ impl Drop for Subscription {
         drop(self.events.take());
         self.node.own().remove(&self.topic, EndpointType::Subscriptions, &self.kind);
         let _making = self.node.making();
-        // SAFETY: made by this node, and used by nobody any more.
+        // SAFETY: made by this node, and not used any more.
         let code = unsafe { sys::rmw_destroy_subscription(self.node.node(), self.raw) };
         if let Err(fault) = Fault::check("rmw_destroy_subscription", code) {
             tracing::warn!(%fault, "a subscription was not destroyed");

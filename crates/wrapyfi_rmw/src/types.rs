@@ -23,13 +23,13 @@ pub type TypeHash = [u8; 32];
 
 /// A pointer that every thread may read.
 #[derive(Clone, Copy)]
-pub(crate) struct Shared<T>(pub(crate) *const T);
+pub(crate) struct SharedPointer<T>(pub(crate) *const T);
 
 // SAFETY: what it points to is written before it is shared, never after, and is never freed.
-unsafe impl<T> Send for Shared<T> {}
+unsafe impl<T> Send for SharedPointer<T> {}
 
-pub(crate) type MessageType = Shared<sys::rosidl_message_type_support_t>;
-pub(crate) type ServiceType = Shared<sys::rosidl_service_type_support_t>;
+pub(crate) type MessageType = SharedPointer<sys::rosidl_message_type_support_t>;
+pub(crate) type ServiceType = SharedPointer<sys::rosidl_service_type_support_t>;
 
 type Hashes = [Option<TypeHash>; 3];
 
@@ -56,10 +56,10 @@ fn pointer(hash: Option<&TypeHash>) -> *const u8 {
 
 /// The type support that is known by this name and these hashes, else the one that `make` makes of package and name.
 fn kept<H: Eq + Hash, T: Copy>(
-    known: &Known<H, Shared<T>>,
+    known: &Known<H, SharedPointer<T>>,
     (type_name, hashes): (&str, H),
     make: impl FnOnce(*const c_char, *const c_char) -> *const T,
-) -> Result<Shared<T>, Fault> {
+) -> Result<SharedPointer<T>, Fault> {
     let [namespace, name] = split(type_name)?;
     let mut known = known.lock();
     let key = (type_name.to_owned(), hashes);
@@ -70,7 +70,7 @@ fn kept<H: Eq + Hash, T: Copy>(
     if made.is_null() {
         return Err(Fault::new("type support", "no memory"));
     }
-    Ok(*known.entry(key).or_insert(Shared(made)))
+    Ok(*known.entry(key).or_insert(SharedPointer(made)))
 }
 
 /// Type support of a message type.

@@ -48,7 +48,7 @@ impl Bodies {
         Self { limit, progress, share }
     }
 
-    /// Reads the size in front of the next body, which nobody hurries to send; none at the end of the connection.
+    /// Reads the size in front of the next body, which may be long in coming; none at the end of the connection.
     pub(super) async fn size(&self, stream: &mut TcpStream) -> Result<Option<usize>, Ended> {
         let mut size = [0; 4];
         let (first, rest) = size.split_at_mut(1);

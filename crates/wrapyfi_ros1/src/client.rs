@@ -22,14 +22,13 @@ use tokio::time::{timeout, timeout_at};
 use wrapyfi_retry::NewestTasks;
 
 use super::body::{Bodies, Body};
-use super::config::NodeUri;
+use super::config::{NAME, NodeUri};
 use super::header::Header;
 use super::node::Node;
 use super::peer_types::{forget_service, greeted, probe_header};
 use super::services::{MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::splitter;
 use super::tcpros::{self, OPENING_AT_ONCE};
-use super::xmlrpc::shortened;
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::backoff::Backoff;
@@ -38,7 +37,8 @@ use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
-    CallError, Context, Link, Mutex, OpenResult, PROGRESS, Request, ServiceSpec, Share,
+    Absent, CallError, Cause, Context, Link, Mutex, Named, OpenResult, PROGRESS, PeerFault,
+    Request, Role, ServiceSpec, Share,
 };
 
 /// Longest time between two looks for a server that is not there.
@@ -84,8 +84,8 @@ struct ClientShared {
     openings: Semaphore,
     /// Address of the server's node; `None` while no server is known.
     place: watch::Sender<Option<NodeUri>>,
-    /// Reason why no server is known, in words; `None` while one is.
-    why: Mutex<Option<String>>,
+    /// Cause for which no server is known; `None` while one is.
+    why: Mutex<Option<Cause>>,
     /// Signal that the server should be looked for.
     seek: Notify,
 }
@@ -125,7 +125,7 @@ impl Ros1Client {
         let (kept, told, seed) = (Arc::clone(&shared), Arc::clone(&shared), node.next_id());
         let seeker = restarted(
             format!("the search for service {service}"),
-            move |what| told.found(None, Some(what)),
+            move |what| told.found(None, Some(Cause::Restarting(what))),
             move || seek(Arc::clone(&kept), seed),
         );
         let seeker = node.handle.spawn(seeker).abort_handle();
@@ -159,15 +159,20 @@ impl ClientShared {
     }
 
     /// Description of the missing server, and the reason.
-    fn missing(&self) -> String {
+    fn missing(&self) -> Cause {
         let fault = self.node.upgrade().and_then(|node| node.fault());
-        fault
-            .or_else(|| self.why.lock().clone())
-            .unwrap_or_else(|| format!("a ROS 1 node that offers {}", self.service))
+        fault.or_else(|| self.why.lock().clone()).unwrap_or_else(|| {
+            Absent::new(Role::Server, "a ROS 1 node that offers", NAME, &self.service).into()
+        })
+    }
+
+    /// Cause for which the server, which the master names, is not called.
+    fn fault(&self, server: &str, fault: PeerFault) -> Cause {
+        Cause::peer(Named::endpoint(server, NAME, &self.service), "", Some(fault), "")
     }
 
     /// Notes where the server is, or why nowhere.
-    fn found(&self, place: Option<NodeUri>, why: Option<String>) {
+    fn found(&self, place: Option<NodeUri>, why: Option<Cause>) {
         *self.why.lock() = why;
         let changed = self.place.send_if_modified(|now| {
             let changes = *now != place;
@@ -181,31 +186,26 @@ impl ClientShared {
     }
 
     /// The server at `place` did not answer.
-    fn lost(&self, place: &NodeUri, why: &str) {
+    fn lost(&self, place: &NodeUri, why: String) {
         if self.place.borrow().as_ref() == Some(place) {
-            self.found(None, Some(format!("the server of {}: {why}", self.service)));
+            self.found(None, Some(self.fault("the server of", why.into())));
             self.seek.notify_one();
         }
     }
 
-    /// Reason why a server with this header cannot be called, if there is one.
-    fn objection(&self, header: &Header) -> Option<String> {
-        let (service, wanted) = (&self.service, &self.wire_type);
+    /// Cause for which a server with this header cannot be called, if there is one.
+    fn objection(&self, header: &Header) -> Option<Cause> {
+        let wanted = &self.wire_type;
         if let Some(error) = header.get("error") {
-            return Some(format!(
-                "the server of {service}, which refuses: {}",
-                requests::beginning(error, MAX_ERROR_BYTES)
-            ));
+            let says = requests::beginning(error, MAX_ERROR_BYTES).to_owned();
+            let server = Named::endpoint("the server of", NAME, &self.service);
+            return Some(Cause::ServerRefuses { server, says });
         }
         let md5 = header.get("md5sum").unwrap_or("*");
         (md5 != "*" && md5 != wanted.md5).then(|| {
-            let name = header.get("type").unwrap_or("another type");
-            let there = format!(
-                "another server of {service}: it is {} [{}]",
-                shortened(name),
-                shortened(md5)
-            );
-            tcpros::unlike(&there, &wanted.name, &wanted.md5)
+            let theirs = tcpros::shown(header.get("type").unwrap_or("another type"), md5);
+            let ours = tcpros::shown(&wanted.name, &wanted.md5);
+            self.fault("another server of", PeerFault::Unlike { verb: "is", theirs, ours })
         })
     }
 
@@ -270,7 +270,7 @@ impl ClientShared {
                         refusal.map(|it| requests::beginning(it, MAX_ERROR_BYTES).to_owned());
                     return Some(refusal.map_or(Ok(stream), Err));
                 }
-                Err(why) => self.lost(&place, &why.to_string()),
+                Err(why) => self.lost(&place, why.to_string()),
             }
         }
     }
@@ -291,7 +291,7 @@ async fn call(shared: Arc<ClientShared>, sequence: i64, Outgoing { frame, deadli
     }
     let late = deadline.checked_add(LATE).unwrap_or(deadline);
     match timeout_at(late.into(), hear(&mut stream, shared.limit_bytes)).await {
-        // Nobody counts on it any more.
+        // No call counts on it any more.
         Err(_elapsed) => {}
         Ok(Err(ended)) => {
             let text = format!("no answer came: {ended}");
@@ -354,22 +354,24 @@ async fn seek(shared: Arc<ClientShared>, seed: u64) {
 async fn look(
     shared: &ClientShared,
     known: Option<&NodeUri>,
-) -> Option<Result<NodeUri, Option<String>>> {
+) -> Option<Result<NodeUri, Option<Cause>>> {
     let node = shared.node.upgrade()?;
     let (place, is_listed) = match node.master.lookup_service(&shared.service).await {
         Ok(Some(place)) => (place, true),
-        // One that was restarted knows nobody: the server may still be there.
+        // A master that was restarted knows no node: the server may still be there.
         Ok(None) => match known {
             Some(known) => (known.clone(), false),
             None => return Some(Err(None)),
         },
         // The known address stays: calls need no master.
-        Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.awaited()))),
+        Err(error) => {
+            return Some(known.cloned().ok_or_else(|| Some(error.cause(&node.master.uri))));
+        }
     };
     let probe = probe_header(&node, &shared.service);
     drop(node);
     Some(match greeted(&place, &probe).await {
-        Err(why) => Err(is_listed.then(|| format!("the server of {}: {why}", shared.service))),
+        Err(why) => Err(is_listed.then(|| shared.fault("the server of", why.to_string().into()))),
         Ok(header) => match shared.objection(&header) {
             Some(why) => {
                 forget_service(&*shared.node.upgrade()?, &shared.service);

@@ -45,7 +45,7 @@ pub struct Ros1Config {
     pub hostname: Option<String>,
     /// Namespace of relative names (`ROS_NAMESPACE`).
     pub namespace: String,
-    /// Name of the node. Without one it is `wrapyfi` and a number that nobody else has, as Python
+    /// Name of the node. Without one it is `wrapyfi` and a number that no other program has, as Python
     /// Wrapyfi's anonymous node. A node that takes a name which another has ends that one.
     pub node: Option<String>,
     /// Remapping rules: the name in the program, the name on the graph.
@@ -53,7 +53,7 @@ pub struct Ros1Config {
     /// Rules by which types of ROS 1 and ROS 2 belong together, before the rules that are built in.
     pub mapping_rules: Rules,
     /// Allows sockets on addresses that other machines reach (`WRAPYFI_ROS_INSECURE`). ROS 1 has no
-    /// authentication and no encryption: whoever reaches the port may publish and call.
+    /// authentication and no encryption: the program that reaches the port may publish and call.
     pub insecure: Insecure,
     /// Addresses of names that the system need not know.
     pub hosts: Hosts,
@@ -269,13 +269,21 @@ impl Ros1Config {
     }
 }
 
+/// Begin of the name of a node that has none by its configuration.
+const ANONYMOUS: &str = "wrapyfi_";
+
+/// True for the full name of a node that got it from this crate, because its configuration gave it none.
+pub fn is_anonymous(node: &str) -> bool {
+    node.rsplit('/').next().is_some_and(|last| last.starts_with(ANONYMOUS))
+}
+
 /// `wrapyfi` and what no other node has: the process, and a count of the time in it.
 fn anonymous() -> String {
     use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let millis = since.map_or(0, |since| since.as_millis());
-    format!("wrapyfi_{}_{millis}_{}", std::process::id(), NEXT.fetch_add(1, Relaxed))
+    format!("{ANONYMOUS}{}_{millis}_{}", std::process::id(), NEXT.fetch_add(1, Relaxed))
 }
 
 #[cfg(test)]

@@ -9,15 +9,20 @@
 use std::borrow::Cow;
 
 use bytes::Bytes;
-use wrapyfi_interfaces::ros1::{Definition, Options, PairPlan, TranscodeError, Types};
+use wrapyfi_interfaces::parser::InterfaceKind;
+use wrapyfi_interfaces::ros1::{
+    ActionMessage, Definition, Options, PairPlan, TranscodeError, Types,
+};
 
 use super::config::NAME;
 use super::core::Core;
+use super::differences::towards;
 use super::header::Header;
+use super::xmlrpc::shortened;
 use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels, RosMessage, RosType};
 use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
-use wrapyfi_endpoint::{OpenError, OpenResult, TopicSpec, codec};
+use wrapyfi_endpoint::{OpenError, OpenResult, PeerFault, TopicSpec};
 
 /// Any type: a publisher says which.
 pub(super) const ANY: &str = "*";
@@ -27,9 +32,7 @@ pub(super) const ANY: &str = "*";
 pub(super) fn wanted(core: &Core, message_type: MessageType) -> Option<Ros1Type> {
     let MessageType::Ros(ros_type) = message_type else { return Ros1Type::of(message_type) };
     // The name is for people; which definition it is the publisher shows.
-    let mut types = core.types();
-    types.add_ros2(ros_type.resolved());
-    let likely = types.towards_ros1(ros_type.resolved().name(), None);
+    let likely = towards(&mut core.types(), ros_type);
     let name = likely.map_or_else(|_e| ANY.to_owned(), |(definition, _)| definition.ros1_name());
     Some(Ros1Type { name, md5: ANY.to_owned(), definition: String::new() })
 }
@@ -44,15 +47,7 @@ pub(super) fn offered(
     let MessageType::Ros(ros_type) = message_type else {
         return Ok(Ros1Type::of(message_type).map(|known| (known, None)));
     };
-    let mut types = core.types();
-    // Whoever resolved it may have looked where this node does not.
-    types.add_ros2(ros_type.resolved());
-    let towards = types.towards_ros1(ros_type.resolved().name(), None);
-    let pair = towards.and_then(|(definition, _)| {
-        let plan = PairPlan::compile(&definition.resolved, ros_type.resolved(), types.rules())?;
-        Ok((definition, plan))
-    });
-    match pair {
+    match towards(&mut core.types(), ros_type) {
         Ok((definition, plan)) => {
             let name = definition.ros1_name();
             let Definition { md5sum: md5, text: definition, .. } = definition;
@@ -71,12 +66,13 @@ pub(super) fn publisher_plan(
     core: &Core,
     header: &Header,
     message_type: MessageType,
-) -> Result<Option<PairPlan>, String> {
+) -> Result<Option<PairPlan>, PeerFault> {
     let MessageType::Ros(ros_type) = message_type else { return Ok(None) };
     let name = header.get("type").unwrap_or(ANY);
     let announced = header.get("md5sum").zip(header.get("message_definition"));
-    plan(&mut core.types(), name, announced, ros_type).map(Some).map_err(|error| {
-        format!("it sends {name}, which cannot be received as {ros_type}: {error}")
+    plan(&mut core.types(), name, announced, ros_type).map(Some).map_err(|reason| {
+        let (theirs, ours) = (shortened(name), ros_type.to_string());
+        PeerFault::Unreadable { theirs, ours, reason: shortened(&reason) }
     })
 }
 
@@ -93,12 +89,16 @@ fn plan(
     };
     let definition = definition.map_err(|error| error.to_string())?;
     let (rules, wanted) = (types.rules(), ros_type.resolved().name());
-    let belong = rules.ros2_names(definition.name()).contains(wanted)
-        || rules.ros1_names(wanted).contains(definition.name());
+    let ros1 = match wanted.kind() {
+        InterfaceKind::Action => ActionMessage::new(definition).map_err(|e| e.to_string())?.part,
+        _ => definition.resolved,
+    };
+    let belong = rules.ros2_names(ros1.name()).contains(wanted)
+        || rules.ros1_names(wanted).contains(ros1.name());
     if !belong {
         return Err("it is the counterpart of another type; name that as the type".to_owned());
     }
-    PairPlan::compile(&definition.resolved, ros_type.resolved(), rules).map_err(|e| e.to_string())
+    PairPlan::compile(&ros1, ros_type.resolved(), rules).map_err(|e| e.to_string())
 }
 
 /// Converts ROS 1 bytes by `plan` into a message of `ros_type`, whose size may differ from that of ROS 1.
@@ -174,30 +174,24 @@ pub(super) fn encode(
             Ok(vec![to_ros1(message, plan, sequence, limits)?.into()])
         }
         _ => {
-            let payload = fitted(payload, *message_type, *color_order, limits)?;
+            let payload = in_order(payload, *color_order);
             ros1::encode(&payload, *message_type, sequence, limits, plugins)
         }
     }
 }
 
-/// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
-/// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
-pub(super) fn fitted<'p>(
-    payload: &'p Payload,
-    message_type: MessageType,
-    color_order: Encoding,
-    limits: &Limits,
-) -> EncodeResult<Cow<'p, Payload>> {
-    let payload = codec::fitted(payload, message_type, color_order, limits)?;
-    Ok(match &*payload {
+/// The payload with colours in the order that listeners read: Wrapyfi's take `bgr8` only, so pixels in the other order are
+/// turned, unless `color_order` asks for that order.
+pub(super) fn in_order(payload: &Payload, color_order: Encoding) -> Cow<'_, Payload> {
+    match payload {
         Payload::Image(image @ Image { pixels: Pixels::Raw(raw), .. })
             if (raw.encoding, color_order) == (Encoding::Rgb8, Encoding::Bgr8) =>
         {
             let pixels = Pixels::Raw(raw.clone().swap_red_blue());
             Cow::Owned(Payload::Image(Image { pixels, ..image.clone() }))
         }
-        _ => payload,
-    })
+        _ => Cow::Borrowed(payload),
+    }
 }
 
 #[cfg(test)]
@@ -207,9 +201,8 @@ mod tests {
 
     fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
         let payload = Payload::Image(Image::new(wrapyfi_data::types::Stamp::default(), pixels));
-        let payload =
-            fitted(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
-        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload.into_owned() else {
+        let payload = in_order(&payload, color_order).into_owned();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload else {
             panic!("pixels stay pixels");
         };
         (raw.encoding, raw.data.to_vec())

@@ -1,5 +1,6 @@
 //! State that every connection of the node needs: its names, the master, the threads, and what is known of types.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, MutexGuard, OnceLock};
 
@@ -12,7 +13,7 @@ use super::header::{Header, NODE};
 use super::master::Master;
 use super::names::NodeName;
 use super::peer_types::PeerTypes;
-use wrapyfi_endpoint::Mutex;
+use wrapyfi_endpoint::{Cause, Mutex};
 
 /// State that all endpoints of a node and their connections share.
 pub(super) struct Core {
@@ -31,6 +32,8 @@ pub(super) struct Core {
     rules: Rules,
     /// Answers of other nodes about the types of their topics and services.
     pub(super) peer_types: PeerTypes,
+    /// A node that sends goals to each action that has clients: its publishers know the type of goals.
+    pub(super) action_clients: Mutex<BTreeMap<String, String>>,
 }
 
 impl Core {
@@ -53,6 +56,7 @@ impl Core {
             types: OnceLock::new(),
             rules,
             peer_types: PeerTypes::default(),
+            action_clients: Mutex::default(),
         })
     }
 
@@ -75,17 +79,13 @@ impl Core {
         Header::new().with("callerid", format!("{node}/{part}")).with(NODE, node)
     }
 
-    /// Hint for what waits for others: the remedy where the node is announced at an address that other machines have,
-    /// too, else an empty text.
-    pub(super) fn own_hint(&self) -> String {
+    /// Cause for which nodes of other machines do not reach this one: it is announced at an address that they have, too.
+    /// The cause that is `awaited` beside it stands first.
+    pub(super) fn announces_loopback(&self, awaited: Option<&Cause>) -> Option<Cause> {
         let host = &self.api.host;
-        if self.master.whereabouts.hint(host).is_empty() {
-            return String::new();
-        }
-        format!(
-            ": the nodes of other machines do not reach ours, which is announced at {host}: set ROS_IP, and no ROS_HOSTNAME, \
-             where it starts"
-        )
+        let is_hidden = !self.master.whereabouts.hint(host).is_empty();
+        let awaited = awaited.cloned().map(Box::new);
+        is_hidden.then(|| Cause::LoopbackAnnounced { awaited, host: host.clone() })
     }
 
     /// A number that nothing else in this node has.

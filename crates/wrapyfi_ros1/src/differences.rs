@@ -5,35 +5,63 @@
 //!   ROS 2  a, only2 ┴─▶ notes ─▶ only2 is in ROS 2 only: default value towards ROS 2, dropped towards ROS 1
 //! ```
 
-use wrapyfi_data::types::{MessageType, RosType, ServiceKind};
-use wrapyfi_interfaces::ros1::{PairPlan, Types};
+use wrapyfi_data::types::{MessageType, RosAction, RosService, RosType, ServiceKind};
+use wrapyfi_interfaces::parser::InterfaceKind;
+use wrapyfi_interfaces::ros1::{Definition, PairError, PairPlan, ServiceDefinition, Types};
 
 /// Differences of the definitions that a topic of this type has in ROS 1 and in ROS 2, a sentence each. None where no
 /// definition of ROS 1 is known: then one is made that has the same fields.
 pub fn of_topic(types: &mut Types, message_type: MessageType) -> Vec<String> {
     let MessageType::Ros(ros_type) = message_type else { return Vec::new() };
-    types.add_ros2(ros_type.resolved());
-    let Ok((definition, _)) = types.towards_ros1(ros_type.resolved().name(), None) else {
-        return Vec::new();
-    };
-    let plan = PairPlan::compile(&definition.resolved, ros_type.resolved(), types.rules());
-    plan.map_or_else(|_unlike| Vec::new(), |plan| of_plan(&plan, ros_type))
+    let pair = towards(types, ros_type);
+    pair.map_or_else(|_unlike| Vec::new(), |(_, plan)| of_plan(&plan, ros_type))
 }
 
 /// As [`of_topic`], for requests and responses of a service.
 pub fn of_service(types: &mut Types, kind: ServiceKind) -> Vec<String> {
     let ServiceKind::Ros(service) = kind else { return Vec::new() };
+    let Ok((_, plans)) = service_towards(types, service) else { return Vec::new() };
+    let parts = [service.request(), service.response()];
+    plans.iter().zip(parts).flat_map(|(plan, part)| of_plan(plan, part)).collect()
+}
+
+/// As [`of_topic`], for goals, results and feedback of an action.
+pub fn of_action(types: &mut Types, kind: RosAction) -> Vec<String> {
+    types.add_ros2(kind.resolved());
+    let parts = [kind.goal(), kind.result(), kind.feedback()];
+    parts.into_iter().flat_map(|part| of_topic(types, MessageType::Ros(part))).collect()
+}
+
+/// Definition that a type of ROS 2 most likely has in ROS 1, and the plan between the two. That of a part of an action
+/// is the message around it, and the plan that of the part.
+pub(super) fn towards(
+    types: &mut Types,
+    ros_type: RosType,
+) -> Result<(Definition, PairPlan), PairError> {
+    let resolved = ros_type.resolved();
+    if resolved.name().kind() == InterfaceKind::Action {
+        let found = types.action_message(resolved.name())?;
+        let plan = PairPlan::compile(&found.part, resolved, types.rules())?;
+        return Ok((found.message, plan));
+    }
+    // The caller that resolved it may have looked where this node does not.
+    types.add_ros2(resolved);
+    let (definition, _) = types.towards_ros1(resolved.name(), None)?;
+    let plan = PairPlan::compile(&definition.resolved, resolved, types.rules())?;
+    Ok((definition, plan))
+}
+
+/// As [`towards`], with the plans of requests and responses of a service.
+pub(super) fn service_towards(
+    types: &mut Types,
+    service: RosService,
+) -> Result<(ServiceDefinition, [PairPlan; 2]), PairError> {
     types.add_ros2(service.resolved());
-    let Ok(found) = types.service_towards_ros1(service.resolved().name()) else {
-        return Vec::new();
-    };
-    let definition = found.definition;
-    let parts =
-        [(definition.request, service.request()), (definition.response, service.response())];
-    let plans = parts.into_iter().filter_map(|(ros1, part)| {
-        Some((PairPlan::compile(&ros1, part.resolved(), types.rules()).ok()?, part))
-    });
-    plans.flat_map(|(plan, part)| of_plan(&plan, part)).collect()
+    let definition = types.service_towards_ros1(service.resolved().name())?.definition;
+    let plan = |ros1, part: RosType| PairPlan::compile(ros1, part.resolved(), types.rules());
+    let request = plan(&definition.request, service.request())?;
+    let response = plan(&definition.response, service.response())?;
+    Ok((definition, [request, response]))
 }
 
 /// Fields that a plan carries one way only or not at all.

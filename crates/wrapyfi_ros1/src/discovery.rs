@@ -1,5 +1,12 @@
-//! Topics that other ROS 1 nodes publish and subscribe to, and services that they offer, as the
-//! master lists them.
+//! Topics that other ROS 1 nodes publish and subscribe to, services that they offer, and actions that they offer and
+//! use, as the master lists them.
+//!
+//! ```text
+//!   one node   publishes /a/status, feedback, result, subscribes to goal, cancel ─▶ a server of action /a
+//!              the other way round                                               ─▶ a client of it
+//! ```
+//!
+//! The five topics are listed, too: a route that names one of them carries it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Weak};
@@ -13,9 +20,9 @@ use super::node::Node;
 use super::peer_types;
 use super::presence::Presence;
 use wrapyfi_endpoint::restart::restarted;
-use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Mutex, Role};
+use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Mutex, Named, Role};
 
-/// Time between two looks: the master tells nobody by itself.
+/// Time between two looks: the master announces no changes.
 pub(super) const LOOK: Duration = Duration::from_millis(250);
 
 /// Looks until it is dropped.
@@ -30,19 +37,20 @@ struct Seen {
     /// The master was asked, whatever came of it.
     asked: bool,
     endpoints: Vec<Discovered>,
-    /// Reason why nothing is seen.
-    fault: Option<String>,
+    /// Cause for which nothing is seen.
+    fault: Option<Cause>,
 }
 
 impl Ros1Discovery {
     pub(super) fn new(node: &Arc<Node>) -> Self {
-        let waiting = format!("master {}", node.master.uri);
+        let server = Named::server("master", &node.master.uri);
+        let waiting = Cause::ServerAway { server, detail: String::new() };
         let seen = Arc::new(Mutex::new(Seen { fault: Some(waiting), ..Seen::default() }));
         let (weak, kept, told) = (Arc::downgrade(node), Arc::clone(&seen), Arc::clone(&seen));
         let mut task = JoinSet::new();
         let looks = restarted(
             "the discovery of ROS 1".to_owned(),
-            move |what| told.lock().fault = Some(what),
+            move |what| told.lock().fault = Some(Cause::Restarting(what)),
             move || watch(weak.clone(), Arc::clone(&kept)),
         );
         task.spawn_on(looks, &node.handle);
@@ -56,7 +64,11 @@ async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
         let Some(node) = node.upgrade() else { return };
         let now = match look(&node, &mut presence).await {
             Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
-            Err(error) => Seen { asked: true, endpoints: Vec::new(), fault: Some(error.awaited()) },
+            Err(error) => Seen {
+                asked: true,
+                endpoints: Vec::new(),
+                fault: Some(error.cause(&node.master.uri)),
+            },
         };
         drop(node);
         *seen.lock() = now;
@@ -69,14 +81,53 @@ async fn look(node: &Arc<Node>, presence: &mut Presence) -> Result<Vec<Discovere
     let state = node.master.system_state().await?;
     let marks = marks::read(node.master.get_param(marks::NAMESPACE).await?.as_ref());
     let listed = endpoints(state, &types, &marks, node.name.full());
-    let (found, orphans) = presence.sift(&node.core, listed);
+    let (mut found, orphans) = presence.sift(&node.core, listed);
     node.set_orphans(orphans);
     let there: BTreeSet<(Role, &str, &str)> = found
         .iter()
         .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
         .collect();
     peer_types::keep_only(node, |role, name, node| there.contains(&(role, name, node)));
+    let actions = actions(&found, &marks);
+    let clients = actions.iter().filter(|one| one.role == Role::ActionClient);
+    let clients = clients.filter_map(|one| Some((one.name.clone(), one.node.clone()?)));
+    *node.action_clients.lock() = clients.collect();
+    found.extend(actions);
     Ok(found)
+}
+
+/// Servers and clients of actions: nodes that have all five topics of one.
+fn actions(found: &[Discovered], marks: &Marks) -> Vec<Discovered> {
+    let there: BTreeSet<(Role, &str, Option<&str>)> =
+        found.iter().map(|one| (one.role, one.name.as_str(), one.node.as_deref())).collect();
+    let action = |one: &Discovered| {
+        let name = one.name.strip_suffix("/result")?;
+        let type_name = one.type_name.as_deref().and_then(action_type);
+        let (role, other) = match one.role {
+            Role::Publisher => (Role::ActionServer, Role::Listener),
+            Role::Listener => (Role::ActionClient, Role::Publisher),
+            _ => return None,
+        };
+        let has = |role, word: &str| {
+            there.contains(&(role, format!("{name}/{word}").as_str(), one.node.as_deref()))
+        };
+        let from_server = ["status", "feedback"].into_iter().all(|word| has(one.role, word));
+        let from_client = ["goal", "cancel"].into_iter().all(|word| has(other, word));
+        let mark = marks.get(&(role, name.to_owned(), one.node.clone()?)).cloned();
+        let (type_name, node) = (type_name.map(str::to_owned), one.node.clone());
+        (from_server && from_client).then(|| Discovered {
+            type_name,
+            node,
+            mark,
+            ..Discovered::new(name, role)
+        })
+    };
+    found.iter().filter_map(action).collect()
+}
+
+/// Name of the action whose results have this type.
+pub(super) fn action_type(result_type: &str) -> Option<&str> {
+    result_type.strip_suffix("ActionResult").filter(|name| !name.ends_with('/'))
 }
 
 /// Everything that is not of the node `own`.
@@ -113,7 +164,7 @@ impl Discovery for Ros1Discovery {
         Ok(self.seen.lock().endpoints.clone())
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.seen.lock().fault.clone()
     }
 
@@ -125,6 +176,51 @@ impl Discovery for Ros1Discovery {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wrapyfi_endpoint::BridgeMark;
+
+    /// A node that lacks one of the topics is neither, and so are two that have all five together.
+    #[test]
+    fn a_node_with_all_five_topics_has_the_action() {
+        let of = |name: &str, nodes: &[&str]| {
+            (name.to_owned(), nodes.iter().map(|node| (*node).to_owned()).collect::<Vec<_>>())
+        };
+        let state = SystemState {
+            publishers: vec![
+                of("/a/status", &["/server"]),
+                of("/a/feedback", &["/server"]),
+                of("/a/result", &["/server"]),
+                of("/a/goal", &["/client", "/bag"]),
+                of("/a/cancel", &["/client"]),
+                of("/b/result", &["/half"]),
+                of("/b/status", &["/other_half"]),
+            ],
+            subscribers: vec![
+                of("/a/goal", &["/server"]),
+                of("/a/cancel", &["/server"]),
+                of("/a/status", &["/client", "/rostopic"]),
+                of("/a/feedback", &["/client"]),
+                of("/a/result", &["/client"]),
+            ],
+            services: Vec::new(),
+        };
+        let types = [("/a/result".to_owned(), "demo/CountActionResult".to_owned())];
+        let mark = BridgeMark { bridge: 7, path: Vec::new() };
+        let key = (Role::ActionServer, "/a".to_owned(), "/server".to_owned());
+        let marks = Marks::from([(key, mark.clone())]);
+        let found = endpoints(state, &types.into(), &marks, "/own");
+        let found = actions(&found, &marks);
+        let short = found.iter().map(|one| {
+            let node = one.node.as_deref().unwrap_or_default();
+            (one.name.as_str(), one.role, one.type_name.as_deref(), node, one.mark.clone())
+        });
+        assert_eq!(
+            short.collect::<Vec<_>>(),
+            [
+                ("/a", Role::ActionServer, Some("demo/Count"), "/server", Some(mark)),
+                ("/a", Role::ActionClient, Some("demo/Count"), "/client", None),
+            ]
+        );
+    }
 
     #[test]
     fn others_are_listed_with_their_types() {

@@ -128,7 +128,7 @@ impl Header {
             };
             rest = behind;
             let text = match field.strip_prefix(DEFINITION) {
-                // Comments of old definitions are in Latin-1, and nobody reads them.
+                // Comments of old definitions are in Latin-1, and no program reads them.
                 Some(_) => String::from_utf8_lossy(field),
                 None => std::str::from_utf8(field).unwrap_or_default().into(),
             };

@@ -44,7 +44,7 @@ pub(super) struct HttpError {
     pub(super) uri: String,
     /// The failure, in words that follow `it`.
     pub(super) what: String,
-    /// True where the address refused the connection: nobody listens there.
+    /// True where the address refused the connection: no program listens there.
     pub(super) is_refused: bool,
 }
 
@@ -122,8 +122,8 @@ async fn collect(body: Incoming, share: &Share) -> Result<Bytes, BodyError> {
 /// it runs on the server's task.
 pub(super) type Answers = dyn Fn(XmlRpcCall, SocketAddr) -> Option<Reply> + Send + Sync;
 
-/// Answers whoever connects, until it is aborted. One connection more than may be open ends the oldest: those that say
-/// nothing keep nobody out.
+/// Answers the program that connects, until it is aborted. One connection more than may be open ends the oldest: those
+/// that say nothing keep no other program out.
 pub(super) async fn serve(port: Arc<Port>, answers: Arc<Answers>) {
     let Port { listener, connections, .. } = &*port;
     let (mut backoff, mut open) = (accepting(), NewestTasks::default());
@@ -159,7 +159,7 @@ async fn respond(
     if request.method() != Method::POST {
         return Ok(status(StatusCode::METHOD_NOT_ALLOWED));
     }
-    // A browser says which page asks, a node never does: so no page that somebody opens here reaches the node.
+    // A browser says which page asks, a node never does: so no page that a user opens here reaches the node.
     if request.headers().contains_key(hyper::header::ORIGIN) {
         tracing::debug!(%peer, "ROS 1: a call from a page in a browser was refused");
         return Ok(status(StatusCode::FORBIDDEN));

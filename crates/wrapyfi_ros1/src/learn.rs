@@ -1,4 +1,4 @@
-//! Types of ROS 1 topics and services, as routes between middlewares need them: in ROS 2's terms.
+//! Types of ROS 1 topics, services and actions, as routes between middlewares need them: in ROS 2's terms.
 //!
 //! ```text
 //!   demo/Pose ─ definition: shown by its publisher (peer_types), else known ─▶ demo/msg/Pose
@@ -12,9 +12,10 @@ use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 use super::config::NAME;
 use super::core::Core;
-use super::peer_types::{Answer, TypeInfo, Unanswered, ask};
+use super::discovery::action_type;
+use super::peer_types::{TypeInfo, TypeQuestion, Unanswered, ask};
 use super::services::known;
-use wrapyfi_data::types::{RosService, RosType, ServiceKind};
+use wrapyfi_data::types::{RosAction, RosService, RosType, ServiceKind};
 use wrapyfi_endpoint::{Discovered, LearnError, LearnResult, Learned, Role};
 
 fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
@@ -28,12 +29,12 @@ fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
         return Err(LearnError::Untold(NAME.to_owned()));
     };
     match ask(core, found.role, &found.name, node) {
-        Answer::Known(told) => Ok(told),
-        Answer::Asked => Err(LearnError::Asked(name)),
-        Answer::Failed(Unanswered::Away(reason), _) => {
+        TypeQuestion::Known(told) => Ok(told),
+        TypeQuestion::Asked => Err(LearnError::Asked(name)),
+        TypeQuestion::Failed(Unanswered::Away(reason), _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
         }
-        Answer::Failed(Unanswered::Unreadable(told, reason), _) => {
+        TypeQuestion::Failed(Unanswered::Unreadable(told, reason), _) => {
             let announced = found.type_name.clone();
             let type_name = told.or(announced).unwrap_or_else(|| format!("the type of {name}"));
             Err(undefined(&type_name, &format!("{node}: {reason}")))
@@ -119,4 +120,37 @@ pub(super) fn service(
         })?,
     };
     RosService::new(&resolved).map(ServiceKind::Ros).map_err(|error| undefined(&type_name, &error))
+}
+
+/// The ROS 2 type of an action. Its server shows the definitions of results and feedback, and a client that of goals;
+/// what nobody shows is looked for among those that are known.
+pub(super) fn action(
+    core: &Arc<Core>,
+    found: &Discovered,
+    store: &mut TypeStore,
+) -> LearnResult<RosAction> {
+    let part = |word: &str, node: Option<String>| {
+        let name = format!("{}/{word}", found.name);
+        type_info(core, &Discovered { node, ..Discovered::new(name, Role::Publisher) })
+    };
+    let client = core.action_clients.lock().get(&found.name).cloned();
+    // All are asked at once.
+    let goal = client.map(|client| part("goal", Some(client)));
+    let feedback = part("feedback", found.node.clone());
+    let shown = part("result", found.node.clone())?.type_name;
+    feedback?;
+    if let Some(Err(asked @ LearnError::Asked(_))) = goal {
+        return Err(asked);
+    }
+    let type_name = action_type(&shown).ok_or_else(|| {
+        undefined(&shown, &"it is no result of an action (package/NameActionResult)")
+    })?;
+    let mut types = core.types();
+    let names = types.ros2_action_names(type_name).map_err(|error| undefined(type_name, &error))?;
+    let known = names.iter().find_map(|name| store.resolve_defined(name).ok());
+    let resolved = match known {
+        Some(resolved) => resolved,
+        None => types.ros2_action(type_name).map_err(|error| undefined(type_name, &error))?,
+    };
+    RosAction::new(&resolved).map_err(|error| undefined(type_name, &error))
 }

@@ -25,18 +25,26 @@
 //! | `listener_connections`, `listener` | a topic received |
 //! | `publisher`, `publication`, `subscriber` | a topic sent, all publishers of it here, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
+//! | `action_client`, `client_goals`, `action_server`, `server_goals` | actions of actionlib: goals sent, and what becomes of them; goals taken |
+//! | `action_topics`, `action_messages` | their five topics, and the messages there |
 //! | `parameters` | properties |
 //! | `conversion` | messages of any type as payloads |
 //! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
-//! | `learn`, `peer_types` | the types of it; nodes asked for what the master does not tell |
+//! | `learn`, `peer_types`, `goal_probes` | the types of it; nodes asked for what the master does not tell |
 
+mod action_client;
+mod action_messages;
+mod action_server;
+mod action_topics;
 mod body;
 mod client;
+mod client_goals;
 mod config;
 mod conversion;
 mod core;
 pub mod differences;
 mod discovery;
+mod goal_probes;
 pub mod header;
 mod http;
 mod learn;
@@ -56,10 +64,14 @@ mod publisher;
 mod recall;
 mod registrar;
 mod registrations;
+#[cfg(feature = "driver")]
+mod section;
 mod server;
+mod server_goals;
 mod service_host;
 mod services;
 mod slave;
+mod source;
 mod splitter;
 mod subscriber;
 mod tcpros;
@@ -76,33 +88,44 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::ros1::{PairError, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-pub use config::{MASTER_PORT, NAME, Ros1Config, Ros1ConfigError};
-pub use listener_connections::REFUSES;
+pub use config::{MASTER_PORT, NAME, Ros1Config, Ros1ConfigError, is_anonymous};
 pub use master::MasterError;
 pub use names::{NodeName, Ros1NameError, check_name};
-pub use publication::OTHER_DEFINITION;
+#[cfg(feature = "driver")]
+pub use section::{DRIVER, observe};
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
+use self::goal_probes::GoalProbes;
 use self::node::Node;
 use self::tcpros::Port;
-use wrapyfi_data::types::ServiceKind;
+pub use source::source;
+use wrapyfi_data::types::{RosAction, ServiceKind};
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
-    Listener, Middleware, OpenError, OpenResult, Opened, Peers, Publisher, Role, Server,
-    ServiceSpec, TopicSpec, Traits,
+    ActionClient, ActionServer, ActionSpec, Builder as SettingsBuilder, Cause, Client, Context,
+    Conventions, DiscoverError, Discovered, Discovery, LearnError, LearnResult, Learned, Listener,
+    Middleware, MiddlewareSettings, NameService, OpenError, OpenResult, Opened, Peers, Publisher,
+    Role, RoutingProperties, Server, ServiceSpec, StartError, TopicSpec,
 };
 
 /// Names of the options of a topic that are read here: what a configuration may write.
-pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
+pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO, action_client::PREEMPTED];
 
 /// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
 pub const CONVENTIONS: Conventions = Conventions {
     has_text_type: true,
     has_ros_names: true,
-    program_topics: &[],
-    node_services: &["get_loggers", "set_logger_level"],
+    node_services: &[&["get_loggers", "set_logger_level"]],
+    name_service: Some(NameService {
+        knows_listeners: true,
+        address_variable: "ROS_IP",
+        server_variable: Some("ROS_MASTER_URI"),
+        clean: "rosnode cleanup",
+        find: None,
+    }),
+    program: "a ROS 1 node",
+    ..Conventions::NONE
 };
 
 /// Threads on which the sockets live: one more than a topic that is large can keep busy.
@@ -115,6 +138,8 @@ const GOODBYE: Duration = Duration::from_millis(1500);
 /// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
 pub struct Ros1 {
     node: Arc<Node>,
+    /// Servers of actions that are asked for the type of their goals.
+    probes: GoalProbes,
     /// `None` once it is dropped.
     runtime: Option<Runtime>,
 }
@@ -200,15 +225,14 @@ impl Ros1 {
         let (registering, told) = (Arc::clone(&node), Arc::clone(&node));
         runtime.spawn(restarted(
             "the registration of this ROS 1 node".to_owned(),
-            move |what| told.set_fault(Some(what)),
+            move |what| told.set_fault(Some(Cause::Restarting(what))),
             move || registrar::keep(Arc::clone(&registering)),
         ));
         tracing::info!(node = node.name.full(), master = %node.master.uri, "ROS 1: node started");
-        match node.core.own_hint() {
-            hint if hint.is_empty() => {}
-            hint => tracing::warn!(node = node.name.full(), "ROS 1{hint}"),
+        if let Some(cause) = node.core.announces_loopback(None) {
+            tracing::warn!(node = node.name.full(), "ROS 1: {cause}");
         }
-        Ok(Self { node, runtime: Some(runtime) })
+        Ok(Self { node, probes: GoalProbes::default(), runtime: Some(runtime) })
     }
 
     /// Absolute name of the node.
@@ -221,8 +245,8 @@ impl Ros1 {
         self.node.api.to_string()
     }
 
-    /// Nodes that the master has under the name of a topic or service, each with the host and port at which
-    /// others reach it. Blocks until the master has answered.
+    /// Nodes that the master has under the name of a topic, service or action, each with the host and port at which
+    /// others reach it; of an action those that publish its status. Blocks until the master has answered.
     ///
     /// # Errors
     /// When the master does not answer.
@@ -232,13 +256,15 @@ impl Ros1 {
         self.node.handle.block_on(async {
             let state = master.system_state().await?;
             let mut found = Vec::new();
-            for (role, owners) in [
-                (Role::Publisher, state.publishers),
-                (Role::Listener, state.subscribers),
-                (Role::Server, state.services),
+            let status = format!("{name}/status");
+            for (role, owners, name) in [
+                (Role::Publisher, &state.publishers, name),
+                (Role::Listener, &state.subscribers, name),
+                (Role::Server, &state.services, name),
+                (Role::ActionServer, &state.publishers, &status),
             ] {
-                let nodes = owners.into_iter().filter(|(known, _)| known == name);
-                for node in nodes.flat_map(|(_, nodes)| nodes) {
+                let nodes = owners.iter().filter(|(known, _)| *known == name);
+                for node in nodes.flat_map(|(_, nodes)| nodes.clone()) {
                     let at = match role {
                         Role::Server => master.lookup_service(name).await?,
                         _ => master.lookup_node(&node).await?,
@@ -273,7 +299,7 @@ impl Ros1 {
     /// folder of ROS 1 packages has, or is standard.
     ///
     /// # Errors
-    /// When nobody has it, or a definition is there and cannot be used.
+    /// When no program has it, or a definition is there and cannot be used.
     #[doc(hidden)]
     pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
         self.node.types().ros2_type_named(name)
@@ -291,6 +317,22 @@ impl Ros1 {
             .resolve(name)
             .map_err(|error| OpenError::invalid_name(NAME, name, error.reason))
     }
+}
+
+impl MiddlewareSettings for Ros1Config {
+    type Middleware = Ros1;
+
+    fn start(&self) -> Result<Ros1, StartError> {
+        let is_absent = |error: &Ros1Error| matches!(error, Ros1Error::Config(_));
+        Ros1::start(self)
+            .map_err(|error| StartError::of(&error, error.is_hopeless(), is_absent(&error)))
+    }
+}
+
+/// ROS 1 as the node `node`, at the master that `ROS_MASTER_URI` names.
+pub fn ros1(node: &str) -> SettingsBuilder<Ros1Config> {
+    let settings = Ros1Config::from_env().map_err(StartError::refused);
+    SettingsBuilder::new(settings).with(|settings| settings.node = Some(node.to_owned()))
 }
 
 impl Middleware for Ros1 {
@@ -343,18 +385,31 @@ impl Middleware for Ros1 {
         Ok(Box::new(server::Ros1Server::open(&self.node, &service, spec, context)?))
     }
 
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        let action = self.resolve(&spec.action)?;
+        Peers::none(&spec.options, NAME, &action)?;
+        Ok(Box::new(action_client::Ros1ActionClient::open(&self.node, action, spec, context)?))
+    }
+
+    fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        let action = self.resolve(&spec.action)?;
+        Peers::none(&spec.options, NAME, &action)?;
+        Ok(Box::new(action_server::Ros1ActionServer::open(&self.node, action, spec, context)?))
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros1Discovery::new(&self.node)))
     }
 
-    fn traits(&self) -> Traits {
-        Traits {
+    fn routing_properties(&self) -> RoutingProperties {
+        RoutingProperties {
             any_ros_type: true,
             ros_time: true,
             tells_own: true,
             shows_marks: true,
             subscribes_first: true,
-            ..Traits::default()
+            action_topics: &["goal", "cancel", "status", "feedback", "result"],
+            ..RoutingProperties::default()
         }
     }
 
@@ -366,7 +421,19 @@ impl Middleware for Ros1 {
         learn::service(&self.node.core, found, types)
     }
 
-    fn ended(&self) -> Option<String> {
+    fn learn_action(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<RosAction> {
+        let learned = learn::action(&self.node.core, found, types);
+        match &learned {
+            Ok(_) => self.probes.end(&found.name),
+            Err(LearnError::Undefined { .. }) if self.probes.ask(&self.node, &found.name) => {
+                return Err(LearnError::Asked(found.name.clone()));
+            }
+            Err(_) => {}
+        }
+        learned
+    }
+
+    fn ended(&self) -> Option<Cause> {
         self.node.state().ended.clone()
     }
 
@@ -374,7 +441,7 @@ impl Middleware for Ros1 {
         learn::latches(&self.node.core, found)
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.node.fault()
     }
 }

@@ -14,8 +14,8 @@ use super::listener_connections::{Arrival, ListenerConnections, Wanted};
 use super::node::Node;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Peers, Receiver,
-    Review, Sample, SampleOrigin, SourceDurability, TakeError, TopicSpec, inbox,
+    Absent, Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Peers,
+    Receiver, Review, Role, Sample, SampleOrigin, SourceDurability, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -25,7 +25,7 @@ pub(super) struct Ros1Listener {
     connections: Arc<ListenerConnections>,
     inbox: Receiver<Arrival>,
     spec: TopicSpec,
-    /// Latched messages that came while nobody wanted them, by publisher.
+    /// Latched messages that came while no listener wanted them, by publisher.
     latched: Latched<u64, Arrival>,
 }
 
@@ -56,8 +56,14 @@ impl Ros1Listener {
         })
     }
 
-    fn next(&mut self) -> Option<Arrival> {
+    /// Takes the next message as it came.
+    pub(super) fn next(&mut self) -> Option<Arrival> {
         self.latched.pop().or_else(|| self.inbox.pop())
+    }
+
+    /// Connections to the publishers.
+    pub(super) fn connections(&self) -> &ListenerConnections {
+        &self.connections
     }
 }
 
@@ -85,10 +91,11 @@ impl Listener for Ros1Listener {
     fn link(&self) -> Link {
         let (peers, why) = self.connections.connected();
         let waiting_for = (peers == 0).then(|| {
-            self.node
-                .fault()
-                .or(why)
-                .unwrap_or_else(|| format!("a ROS 1 node that publishes {}", self.topic))
+            let nobody = || {
+                Absent::new(Role::Publisher, "a ROS 1 node that publishes", NAME, &self.topic)
+                    .into()
+            };
+            self.node.fault().or(why).unwrap_or_else(nobody)
         });
         Link { peers: Some(peers), waiting_for, keeps_last: false }
     }

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! A publisher that the master no longer lists keeps its connection until it closes it, and is asked once
-//! more then: a master that was restarted knows nobody at first. Under policy `block` a task that finds no room stops reading,
-//! and TCP holds its publisher back.
+//! more then: a master that was restarted knows no node at first. Under policy `block` a task that finds no room stops
+//! reading, and TCP holds its publisher back.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -35,12 +35,10 @@ use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Peers as PeerList, Refused, Sender, Share,
-    SourceDurability, Waits, Wake,
+    BridgeMark, Cause, Counters, DropReason, Mutex, Named, PROGRESS, PeerFault, Peers as PeerList,
+    Refused, Sender, Share, SourceDurability, Waits, Wake,
 };
 
-/// Middle of a reason to wait: a publisher, and then the cause for which it refuses the connection.
-pub const REFUSES: &str = "it refuses: ";
 /// Most differences of definitions that are told of one topic.
 const MAX_DIFFERENCES: usize = 64;
 /// Most publishers of one topic.
@@ -103,15 +101,17 @@ struct Peers {
 /// One publisher.
 #[derive(Default)]
 struct Peer {
-    shared: Arc<Shared>,
+    shared: Arc<ConnectionState>,
     /// The master names it.
     listed: bool,
     /// The socket at its end, while messages flow.
     address: Option<String>,
+    /// Name of the node, as its header gave it last.
+    caller: String,
     /// True when the publisher sends its last message to new subscribers.
     latches: bool,
-    /// Reason why the last try to connect failed.
-    fault: Option<String>,
+    /// Fault of the last try to connect.
+    fault: Option<PeerFault>,
     task: Option<AbortHandle>,
     /// Last message of a publisher that latches: one that comes again with a new connection is no
     /// news.
@@ -120,7 +120,7 @@ struct Peer {
 
 /// State that the connection to a publisher shares with its task.
 #[derive(Default)]
-struct Shared {
+struct ConnectionState {
     id: u64,
     /// Signal that the master named the publisher again: it may have something new.
     again: Notify,
@@ -204,7 +204,7 @@ impl ListenerConnections {
     }
 
     /// Publishers that are connected, and why those are not that are not.
-    pub(super) fn connected(&self) -> (usize, Option<String>) {
+    pub(super) fn connected(&self) -> (usize, Option<Cause>) {
         let peers = self.peers.lock();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
         let core = self.core.upgrade();
@@ -212,10 +212,23 @@ impl ListenerConnections {
             core.as_ref().map_or("", |core| core.master.whereabouts.hint(&uri.host))
         };
         let why = peers.by_uri.iter().find_map(|(uri, peer)| {
-            let reason = peer.fault.as_ref()?;
-            Some(format!("publisher {uri}: {reason}{}", hint(uri)))
+            let fault = peer.fault.clone()?;
+            Some(Cause::peer(Named::server("publisher", uri), "", Some(fault), hint(uri)))
         });
         (up.count(), why)
+    }
+
+    /// Names of the connected publishers' nodes, by their numbers.
+    pub(super) fn callers(&self) -> BTreeMap<u64, String> {
+        let peers = self.peers.lock();
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        up.map(|peer| (peer.shared.id, peer.caller.clone())).collect()
+    }
+
+    /// True once each publisher was connected to, or the first try has failed.
+    pub(super) fn is_settled(&self) -> bool {
+        let peers = self.peers.lock();
+        peers.by_uri.values().all(|peer| peer.address.is_some() || peer.fault.is_some())
     }
 
     /// Number of the connected publishers that latch: all, some or none.
@@ -287,18 +300,20 @@ impl ListenerConnections {
                 );
                 break;
             }
-            let shared = Arc::new(Shared { id: core.next_id(), ..Shared::default() });
+            let shared =
+                Arc::new(ConnectionState { id: core.next_id(), ..ConnectionState::default() });
             let connection = Connection {
                 connections: Arc::clone(self),
                 uri: uri.clone(),
                 shared: Arc::clone(&shared),
+                caller: String::new(),
                 latched: false,
                 plan: None,
             };
             let (connections, at) = (Arc::clone(self), uri.clone());
             let task = restarted(
                 format!("the connection to publisher {uri} of {}", self.topic),
-                move |what| _ = connections.note(&at, Err(what)),
+                move |what| _ = connections.note(&at, Err(what.into())),
                 move || connection.clone().keep(),
             );
             let task = core.handle.spawn(task).abort_handle();
@@ -309,17 +324,17 @@ impl ListenerConnections {
         self.wake().ring();
     }
 
-    /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
+    /// Notes how a connection is: where it leads, or why there is none. False where no listener wants it
     /// any more.
-    fn note(&self, uri: &NodeUri, state: Result<(String, bool), String>) -> bool {
+    fn note(&self, uri: &NodeUri, state: Result<Up, PeerFault>) -> bool {
         let mut peers = self.peers.lock();
         let Peers { by_uri, ended_publishers, .. } = &mut *peers;
         let Some(peer) = by_uri.get_mut(uri) else { return false };
         let stays = peer.listed || state.is_ok() || peer.address.is_some();
         let changed = match state {
-            Ok((address, latches)) => {
+            Ok(Up { address, caller, latches }) => {
                 peer.fault = None;
-                peer.latches = latches;
+                (peer.latches, peer.caller) = (latches, caller);
                 // An end that was not reported yet is over.
                 ended_publishers.retain(|id| *id != peer.shared.id);
                 peer.address.replace(address).is_none()
@@ -329,7 +344,7 @@ impl ListenerConnections {
                 let was_up = peer.address.take().is_some();
                 // A connection that ends is made again at once; what that comes to is worth the one line.
                 if was_up {
-                    tracing::debug!(topic = self.topic, %uri, reason, "ROS 1: disconnected");
+                    tracing::debug!(topic = self.topic, %uri, %reason, "ROS 1: disconnected");
                 } else if is_news && peer.listed {
                     tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
                 }
@@ -381,9 +396,17 @@ impl Peer {
 struct Connection {
     connections: Arc<ListenerConnections>,
     uri: NodeUri,
-    shared: Arc<Shared>,
+    shared: Arc<ConnectionState>,
+    caller: String,
     latched: bool,
     plan: Option<PairPlan>,
+}
+
+/// A connection on which messages flow.
+struct Up {
+    address: String,
+    caller: String,
+    latches: bool,
 }
 
 impl Connection {
@@ -394,11 +417,12 @@ impl Connection {
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    if !self.connections.note(&self.uri, Ok((address, self.latched))) {
+                    let up = Up { address, caller: self.caller.clone(), latches: self.latched };
+                    if !self.connections.note(&self.uri, Ok(up)) {
                         return;
                     }
                     backoff.reset();
-                    self.receive(stream).await
+                    self.receive(stream).await.into()
                 }
                 Err(Closed::Shunned) => {
                     // It may be another publication when the master names it again.
@@ -407,7 +431,7 @@ impl Connection {
                 }
                 Err(Closed::Refused(refused)) => {
                     self.connections.counters().refused_peer(refused.clone());
-                    if !self.connections.note(&self.uri, Err(refused.who)) {
+                    if !self.connections.note(&self.uri, Err(refused.who.into())) {
                         return;
                     }
                     // It is asked again when the master names it again.
@@ -434,10 +458,10 @@ impl Connection {
         let (stream, header) =
             tcpros::greeted(&host, port, &own).await.map_err(|why| why.to_string())?;
         peer_types::compare(&core, &self.connections.topic, &header);
-        let unlike =
-            |there: &str| Closed::Fault(tcpros::unlike(there, &wire_type.name, &wire_type.md5));
+        let ours = || tcpros::shown(&wire_type.name, &wire_type.md5);
         if let Some(error) = header.get("error") {
-            return Err(unlike(&format!("{REFUSES}{}", shortened(error))));
+            let (says, theirs) = (shortened(error), type_there(error));
+            return Err(Closed::Fault(PeerFault::Refuses { says, theirs, ours: ours() }));
         }
         if let Some(peers) = &self.connections.wanted.peers {
             let caller = header.get("callerid").unwrap_or_default();
@@ -459,12 +483,14 @@ impl Connection {
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
         if !wire_type.fits(md5) {
-            return Err(unlike(&format!("it sends {} [{}]", shortened(name), shortened(md5))));
+            let theirs = tcpros::shown(name, md5);
+            return Err(Closed::Fault(PeerFault::Unlike { verb: "sends", theirs, ours: ours() }));
         }
         self.plan =
             conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
-                .map_err(|error| shortened(&error))?;
+                .map_err(Closed::Fault)?;
         self.latched = header.is_set("latching");
+        self.caller = shortened(header.get("callerid").unwrap_or_default());
         self.connections.note_differences(self.plan.as_ref());
         Ok(stream)
     }
@@ -527,11 +553,20 @@ enum Closed {
     Shunned,
     /// The publisher is not in the route's list.
     Refused(Refused),
-    Fault(String),
+    Fault(PeerFault),
+}
+
+/// Type of a publisher that refuses, as the errors of rospy, of roscpp and of this crate tell it.
+fn type_there(error: &str) -> Option<String> {
+    let begins = ["] vs. [", "but our version has [", " publishes "];
+    let (_, theirs) = begins.into_iter().find_map(|begin| error.split_once(begin))?;
+    // On roscpp the checksum follows the name.
+    let mut parts = theirs.split([']', ' ']).next()?.split('/');
+    Some(shortened(&format!("{}/{}", parts.next()?, parts.next()?)))
 }
 
 impl From<String> for Closed {
     fn from(reason: String) -> Self {
-        Self::Fault(reason)
+        Self::Fault(reason.into())
     }
 }

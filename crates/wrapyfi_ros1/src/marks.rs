@@ -45,6 +45,7 @@ impl Marked {
         let role = match words.next()? {
             "publisher" => Role::Publisher,
             "server" => Role::Server,
+            "action_server" => Role::ActionServer,
             _ => return None,
         };
         let (name, node) = (words.next()?.to_owned(), words.next()?.to_owned());
@@ -60,7 +61,7 @@ impl fmt::Display for Marked {
     }
 }
 
-/// Reads the namespace. Anything but marks is passed over: anybody may write there.
+/// Reads the namespace. Anything but marks is passed over: any program may write there.
 pub(super) fn read(value: Option<&Value>) -> Marks {
     let Some(Value::Struct(members)) = value else { return Marks::new() };
     let texts = members.values().filter_map(|value| match value {

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use dxr::TryFromValue;
+use wrapyfi_endpoint::{Cause, Named};
 
 use super::config::NodeUri;
 use super::http::{self, HttpError, HttpResult};
@@ -17,8 +18,13 @@ use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 #[non_exhaustive]
 pub enum MasterError {
     /// The master does not answer, or not as a master.
-    #[error("master {0}")]
-    Unreachable(String),
+    #[error("master {uri} (it {what})")]
+    Unreachable {
+        /// Address of the master.
+        uri: String,
+        /// Fault of the connection, after "it".
+        what: String,
+    },
     /// The master refused the call.
     #[error("the master refused {method}: {reason}")]
     Refused {
@@ -41,18 +47,24 @@ pub enum MasterError {
 pub(super) type MasterResult<T> = Result<T, MasterError>;
 
 impl MasterError {
-    /// Description of the event that ends the failure, for the status.
-    pub(super) fn awaited(&self) -> String {
-        match self {
-            Self::Unreachable(_) => self.to_string(),
-            other => format!("the master to answer otherwise: {other}"),
-        }
+    /// Cause for which nothing can be found through the master at `uri`.
+    pub(super) fn cause(&self, uri: &NodeUri) -> Cause {
+        let (server, detail) = match self {
+            Self::Unreachable { uri, what } => {
+                (Named::server("master", uri), format!(" (it {what})"))
+            }
+            other => {
+                let (words, address) = ("the master".to_owned(), uri.to_string());
+                (Named { words, address }, format!(" to answer otherwise: {other}"))
+            }
+        };
+        Cause::ServerAway { server, detail }
     }
 }
 
 impl From<HttpError> for MasterError {
     fn from(HttpError { uri, what, .. }: HttpError) -> Self {
-        Self::Unreachable(format!("{uri} (it {what})"))
+        Self::Unreachable { uri, what }
     }
 }
 
@@ -114,7 +126,7 @@ impl Master {
         http::call(&self.uri, method, params).await
     }
 
-    /// Address of the node that offers a service; `None` where nobody does.
+    /// Address of the node that offers a service; `None` where none does.
     pub(super) async fn lookup_service(&self, service: &str) -> MasterResult<Option<NodeUri>> {
         self.lookup("lookupService", service).await
     }
@@ -171,14 +183,20 @@ mod tests {
     fn what_is_waited_for_is_named_first() {
         let uri = "http://127.0.0.1:11311".to_owned();
         let what = "does not answer: refused".to_owned();
+        let at = NodeUri::parse(&uri).unwrap();
         let gone = HttpError { uri: uri.clone(), what, is_refused: true };
         let text = "master http://127.0.0.1:11311 (it does not answer: refused)";
-        assert_eq!(MasterError::from(gone).awaited(), text);
+        let gone = MasterError::from(gone).cause(&at);
+        assert_eq!(
+            (gone.to_string().as_str(), gone.subject().as_str()),
+            (text, "http://127.0.0.1:11311")
+        );
         let what = "did not answer x within 5 s".to_owned();
         let slow = HttpError { uri, what, is_refused: false };
         let text = "master http://127.0.0.1:11311 (it did not answer x within 5 s)";
-        assert_eq!(MasterError::from(slow).awaited(), text);
+        assert_eq!(MasterError::from(slow).cause(&at).to_string(), text);
         let no = MasterError::Refused { method: "x", reason: "no".to_owned() };
-        assert!(no.awaited().starts_with("the master to answer otherwise: "), "{}", no.awaited());
+        assert!(no.cause(&at).to_string().starts_with("the master to answer otherwise: "));
+        assert_eq!(no.cause(&at).subject(), at.to_string());
     }
 }

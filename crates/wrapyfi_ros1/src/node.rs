@@ -20,7 +20,7 @@ use super::parameters::Watched;
 use super::publication::Publication;
 use super::registrations::{Key, Kind, Registrations};
 use super::service_host::ServiceHost;
-use wrapyfi_endpoint::{BridgeMark, Mutex, Role, Wake};
+use wrapyfi_endpoint::{BridgeMark, Cause, Mutex, Role, Wake};
 
 /// The endpoints of a node.
 pub(super) struct Node {
@@ -28,7 +28,7 @@ pub(super) struct Node {
     pub(super) core: Arc<Core>,
     /// Signal that there is something to register.
     pub(super) work: Notify,
-    state: Mutex<State>,
+    state: Mutex<NodeState>,
 }
 
 impl Deref for Node {
@@ -40,7 +40,7 @@ impl Deref for Node {
 }
 
 #[derive(Default)]
-pub(super) struct State {
+pub(super) struct NodeState {
     pub(super) registrations: Registrations,
     pub(super) topics: BTreeMap<String, Vec<Arc<Publication>>>,
     pub(super) subscriptions: BTreeMap<String, Subscription>,
@@ -49,9 +49,9 @@ pub(super) struct State {
     /// Publishers of topics that the master has forgotten, and that are there.
     orphans: BTreeMap<String, BTreeSet<NodeUri>>,
     /// Reason why the master cannot be used now.
-    fault: Option<String>,
-    /// Reason why the node has ended, if it has.
-    pub(super) ended: Option<String>,
+    fault: Option<Cause>,
+    /// Cause for which the node has ended, if it has.
+    pub(super) ended: Option<Cause>,
 }
 
 /// A topic that is subscribed to: one registration, and its listeners.
@@ -59,6 +59,8 @@ pub(super) struct State {
 pub(super) struct Subscription {
     /// Addresses of the publishers' nodes, as the master listed them last.
     publishers: Vec<NodeUri>,
+    /// The master has told who they are.
+    is_known: bool,
     /// Number of lists of publishers that the master sent without being asked.
     updates: u64,
     pub(super) listeners: Vec<Arc<ListenerConnections>>,
@@ -69,18 +71,18 @@ impl Node {
         Arc::new(Self { core, work: Notify::new(), state: Mutex::default() })
     }
 
-    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+    pub(super) fn state(&self) -> MutexGuard<'_, NodeState> {
         self.state.lock()
     }
 
-    /// Reason why nothing can be found through the master now.
-    pub(super) fn fault(&self) -> Option<String> {
+    /// Cause for which nothing can be found through the master now.
+    pub(super) fn fault(&self) -> Option<Cause> {
         let state = self.state();
         state.ended.clone().or_else(|| state.fault.clone())
     }
 
     /// Notes how the master is; who waits for it is told of a change.
-    pub(super) fn set_fault(&self, fault: Option<String>) {
+    pub(super) fn set_fault(&self, fault: Option<Cause>) {
         let wakes = {
             let mut state = self.state();
             if state.fault == fault {
@@ -106,7 +108,7 @@ impl Node {
             if state.ended.is_some() {
                 return;
             }
-            state.ended = Some(reason);
+            state.ended = Some(Cause::Ended(reason));
             state.registrations.unwant_all();
             let listeners: Vec<_> =
                 state.subscriptions.values().flat_map(|one| one.listeners.clone()).collect();
@@ -122,14 +124,14 @@ impl Node {
     }
 
     /// Wants something registered, unless the node has ended.
-    fn want(&self, state: &mut State, kind: Kind, name: &str, type_name: &str) {
+    fn want(&self, state: &mut NodeState, kind: Kind, name: &str, type_name: &str) {
         if state.ended.is_none() {
             state.registrations.want(Key::new(kind, name), type_name);
             self.work.notify_one();
         }
     }
 
-    fn unwant(&self, state: &mut State, kind: Kind, name: &str) {
+    fn unwant(&self, state: &mut NodeState, kind: Kind, name: &str) {
         state.registrations.unwant(&Key::new(kind, name));
         self.work.notify_one();
     }
@@ -142,7 +144,7 @@ impl Node {
         connections: &Arc<ListenerConnections>,
     ) {
         let mut state = self.state();
-        let State { subscriptions, orphans, .. } = &mut *state;
+        let NodeState { subscriptions, orphans, .. } = &mut *state;
         let subscription = subscriptions.entry(topic.to_owned()).or_default();
         connections.number_among(&subscription.listeners);
         subscription.listeners.push(Arc::clone(connections));
@@ -161,6 +163,11 @@ impl Node {
             state.subscriptions.remove(topic);
             self.unwant(&mut state, Kind::Subscriber, topic);
         }
+    }
+
+    /// True once the master has told who publishes a topic that is subscribed to.
+    pub(super) fn has_asked_for(&self, topic: &str) -> bool {
+        self.state().subscriptions.get(topic).is_some_and(|subscription| subscription.is_known)
     }
 
     /// The master's update number of a topic: for [`Node::set_publishers`].
@@ -183,7 +190,7 @@ impl Node {
             }
         }
         let mut state = self.state();
-        let State { subscriptions, orphans, .. } = &mut *state;
+        let NodeState { subscriptions, orphans, .. } = &mut *state;
         let Some(subscription) = subscriptions.get_mut(topic) else { return };
         match since {
             None => subscription.updates += 1,
@@ -194,7 +201,7 @@ impl Node {
         }
         publishers.sort();
         publishers.dedup();
-        subscription.publishers = publishers;
+        (subscription.publishers, subscription.is_known) = (publishers, true);
         subscription.tell(orphans.get(topic));
     }
 
@@ -202,7 +209,7 @@ impl Node {
     pub(super) fn set_orphans(&self, orphans: BTreeMap<String, BTreeSet<NodeUri>>) {
         let mut state = self.state();
         let before = std::mem::replace(&mut state.orphans, orphans);
-        let State { subscriptions, orphans, .. } = &*state;
+        let NodeState { subscriptions, orphans, .. } = &*state;
         for (topic, subscription) in subscriptions {
             let own = orphans.get(topic);
             if before.get(topic) != own {
@@ -234,10 +241,10 @@ impl Node {
         publication
     }
 
-    /// Takes a publication out that nobody uses any more.
+    /// Takes a publication out that no publisher uses any more.
     pub(super) fn unadvertise(&self, topic: &str, publication: &Arc<Publication>) {
         let mut state = self.state();
-        // Somebody may have found it again.
+        // A publisher may have found it again.
         if publication.in_use() {
             return;
         }
@@ -303,7 +310,7 @@ impl Node {
     }
 }
 
-impl State {
+impl NodeState {
     /// The bells of all endpoints.
     fn bells(&self) -> Vec<Wake> {
         let listeners = self.subscriptions.values().flat_map(|one| &one.listeners);

@@ -25,7 +25,7 @@ use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that one of them has to answer.
 const ANSWER: Duration = Duration::from_secs(3);
-/// Time after which somebody who did not answer is asked again.
+/// Time after which a node that did not answer is asked again.
 const AGAIN: Duration = Duration::from_secs(5);
 /// Most answers that are remembered.
 const MAX_ANSWERS: usize = 20_000;
@@ -39,11 +39,11 @@ const OF_NO_FIELDS: &str = "d41d8cd98f00b204e9800998ecf8427e";
 pub(super) type Whom = (Role, String, String);
 
 /// Questions and answers.
-pub(super) type PeerTypes = Mutex<BTreeMap<Whom, Answer>>;
+pub(super) type PeerTypes = Mutex<BTreeMap<Whom, TypeQuestion>>;
 
 /// State of a question.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Answer {
+pub(super) enum TypeQuestion {
     /// Question that was asked and has no answer yet.
     Asked,
     Known(TypeInfo),
@@ -82,7 +82,7 @@ pub(super) struct TypeInfo {
     pub(super) type_name: String,
     /// Definition that a publisher has shown, which another one of the same type may have in another version.
     pub(super) definition: Option<Arc<Definition>>,
-    /// A publisher sends its last message to whoever comes.
+    /// A publisher sends its last message to each new subscriber.
     pub(super) latches: bool,
     /// Address that gave the answer.
     place: NodeUri,
@@ -90,25 +90,25 @@ pub(super) struct TypeInfo {
 
 /// Returns the answer of `node` about the type of its topic or service, and asks the node where
 /// none is known.
-pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answer {
+pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> TypeQuestion {
     let whom = (role, name.to_owned(), node.to_owned());
     let mut answers = core.peer_types.lock();
     match answers.get(&whom) {
-        Some(Answer::Failed(_, at)) if at.elapsed() >= AGAIN => {}
+        Some(TypeQuestion::Failed(_, at)) if at.elapsed() >= AGAIN => {}
         Some(answer) => return answer.clone(),
         None => {}
     }
-    let under_way = answers.values().filter(|answer| **answer == Answer::Asked).count();
+    let under_way = answers.values().filter(|answer| **answer == TypeQuestion::Asked).count();
     if under_way >= MAX_ASKED {
-        return Answer::Asked;
+        return TypeQuestion::Asked;
     }
     if answers.len() >= MAX_ANSWERS {
-        answers.retain(|_, answer| *answer == Answer::Asked);
+        answers.retain(|_, answer| *answer == TypeQuestion::Asked);
     }
-    let before = answers.insert(whom.clone(), Answer::Asked);
+    let before = answers.insert(whom.clone(), TypeQuestion::Asked);
     drop(answers);
     let (core_of_task, failure_before) = (Arc::downgrade(core), before.clone());
-    let failed = |why| Answer::Failed(why, Instant::now());
+    let failed = |why| TypeQuestion::Failed(why, Instant::now());
     core.handle.spawn(async move {
         let Some(core) = core_of_task.upgrade() else { return };
         let (role, name, node) = &whom;
@@ -120,12 +120,12 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
         });
         let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()).into());
         let answer = match told.await.unwrap_or_else(|_elapsed| silent()) {
-            Ok(told) => Answer::Known(told),
+            Ok(told) => TypeQuestion::Known(told),
             Err(Unanswered::Away(reason)) => failed(Unanswered::Away(shortened(&reason))),
             Err(Unanswered::Unreadable(type_name, reason)) => {
                 let why = Unanswered::Unreadable(type_name, shortened(&reason));
                 // Once, as long as it stays the same.
-                if !matches!(&failure_before, Some(Answer::Failed(before, _)) if *before == why) {
+                if !matches!(&failure_before, Some(TypeQuestion::Failed(before, _)) if *before == why) {
                     tracing::warn!(
                         "ROS 1: what {node} tells of {name} cannot be read: {}",
                         shortened(&reason)
@@ -137,14 +137,14 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
         core.peer_types.lock().insert(whom, answer);
     });
     // The failure before stands until a better answer is known.
-    before.unwrap_or(Answer::Asked)
+    before.unwrap_or(TypeQuestion::Asked)
 }
 
-/// Forgets whoever is not named: a node that comes back may have another type.
+/// Forgets each node that `there` does not know: a node that comes back may have another type.
 pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
-    core.peer_types
-        .lock()
-        .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
+    core.peer_types.lock().retain(|(role, name, node), answer| {
+        *answer == TypeQuestion::Asked || there(*role, name, node)
+    });
 }
 
 /// Forgets what servers of a service have told: the one there is of another type.
@@ -157,7 +157,7 @@ pub(super) fn forget_service(core: &Core, service: &str) {
 pub(super) fn compare(core: &Core, topic: &str, header: &Header) {
     let caller = header.get("callerid");
     core.peer_types.lock().retain(|(role, name, node), answer| {
-        let Answer::Known(told) = answer else { return true };
+        let TypeQuestion::Known(told) = answer else { return true };
         let is_meant = *role == Role::Publisher && name == topic;
         if !is_meant || caller.is_some_and(|caller| caller != node) {
             return true;
@@ -232,7 +232,7 @@ async fn service(core: &Core, name: &str) -> Result<TypeInfo, Unanswered> {
 pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool {
     let whom = (Role::Server, service.to_owned(), node.to_owned());
     let told = match core.peer_types.lock().get(&whom) {
-        Some(Answer::Known(told)) => told.clone(),
+        Some(TypeQuestion::Known(told)) => told.clone(),
         _ => return false,
     };
     let own = probe_header(core, service);

@@ -67,7 +67,7 @@ enum Said {
     /// No answer: nothing was asked yet, or nothing came.
     #[default]
     Nothing,
-    /// The connection was refused: nobody is there.
+    /// The connection was refused: no program is there.
     Refused,
     /// The topics it publishes, and the services of those that were asked for.
     Has(BTreeSet<(Role, String)>),
@@ -246,7 +246,11 @@ fn topics(value: &Value) -> impl Iterator<Item = String> {
 mod tests {
     use super::super::discovery::LOOK;
     use super::*;
-    use wrapyfi_engine::{GONE_AFTER, LOOK_EVERY};
+
+    /// Time between two looks of the engine at what there is.
+    const LOOK_EVERY: Duration = Duration::from_millis(500);
+    /// Time after which the engine lets a source go that no look has shown.
+    const GONE_AFTER: Duration = Duration::from_secs(5);
 
     fn one(name: &str, role: Role, node: &str) -> Discovered {
         Discovered { node: Some(node.to_owned()), ..Discovered::new(name, role) }
@@ -257,7 +261,7 @@ mod tests {
     }
 
     /// A presence, a clock, and what nodes answer at once: the topics they publish and the services they
-    /// have, nothing where nobody is there.
+    /// have, nothing where no program is there.
     struct Scene {
         presence: Presence,
         now: Instant,

@@ -6,20 +6,21 @@
 //!                       └ Latched: for who comes later
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use tokio::io::AsyncWriteExt as _;
 
+use super::config::NAME;
+use super::conversion::ANY;
 use super::core::Core;
 use super::header::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
-use wrapyfi_endpoint::{BridgeMark, Counters, Latched, MAX_ORIGINS, Mutex, Peers, Wake};
-
-/// End of a reason to wait: a subscriber has the type, and another definition of it.
-pub const OTHER_DEFINITION: &str = " of another definition";
+use wrapyfi_endpoint::{
+    Absent, BridgeMark, Cause, Counters, Latched, MAX_ORIGINS, Mutex, Peers, Role, Wake,
+};
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
 pub(super) const KEEP_ALL: usize = 1000;
@@ -29,15 +30,15 @@ pub(super) struct Publication {
     pub(super) wire_type: Ros1Type,
     /// Mark of the bridge that made the publication by pattern.
     mark: Option<BridgeMark>,
-    state: Mutex<State>,
+    state: Mutex<PublicationState>,
 }
 
 #[derive(Default)]
-struct State {
+struct PublicationState {
     publishers: BTreeMap<u64, Entry>,
     subscribers: Vec<Arc<Subscriber>>,
-    /// The last subscriber that wanted another type, in words, unless one that fits came after it.
-    misfit: Option<String>,
+    /// The last subscriber that wanted another type, and the type, unless one that fits came after it.
+    misfit: Option<(String, String)>,
     closed: bool,
 }
 
@@ -94,7 +95,7 @@ impl Publication {
         }
     }
 
-    /// True while somebody here publishes.
+    /// True while this program publishes.
     pub(super) fn in_use(&self) -> bool {
         !self.state.lock().publishers.is_empty()
     }
@@ -124,26 +125,35 @@ impl Publication {
         self.state.lock().subscribers.len()
     }
 
-    /// Subscriber that is waited for, in words.
-    pub(super) fn awaited(&self) -> String {
-        let any = format!("a ROS 1 node that subscribes to {}", self.topic);
-        match &self.state.lock().misfit {
-            Some(misfit) => format!("{any} of {}: {misfit}", self.wire_type.name),
-            None => any,
+    /// Names of the subscribers' nodes.
+    pub(super) fn callers(&self) -> BTreeSet<String> {
+        self.state.lock().subscribers.iter().map(|subscriber| subscriber.peer.clone()).collect()
+    }
+
+    /// Subscriber that is waited for.
+    pub(super) fn awaited(&self) -> Cause {
+        let absent =
+            Absent::new(Role::Listener, "a ROS 1 node that subscribes to", NAME, &self.topic);
+        let ours = self.wire_type.name.clone();
+        match self.state.lock().misfit.clone() {
+            Some((peer, type_name)) if type_name == ours => {
+                Cause::OtherDefinition { absent, peer, type_name }
+            }
+            Some((peer, theirs)) => Cause::Type { absent, peer: Some(peer), theirs, ours },
+            None => Cause::Nobody(absent),
         }
     }
 
     /// Notes that a node wants another type.
     pub(super) fn misfits(&self, caller: &str, wanted: &str) {
-        let other = if wanted == self.wire_type.name { OTHER_DEFINITION } else { "" };
-        self.state.lock().misfit = Some(format!("{caller} wants {wanted}{other}"));
+        self.state.lock().misfit = Some((caller.to_owned(), wanted.to_owned()));
         self.ring();
     }
 
     /// Sends to all subscribers; how many there are.
     pub(super) fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
         let mut state = self.state.lock();
-        let State { publishers, subscribers, .. } = &mut *state;
+        let PublicationState { publishers, subscribers, .. } = &mut *state;
         let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
         if let Keep::LastOf(origin) = keep {
             entry.kept.forget(&origin);
@@ -174,7 +184,7 @@ impl Publication {
     }
 
     /// True where a subscriber is wanted that has no connection.
-    pub(super) fn lacks(&self, subscriber: &str) -> bool {
+    pub(super) fn awaits(&self, subscriber: &str) -> bool {
         let state = self.state.lock();
         let has_it = state.subscribers.iter().any(|one| one.peer == subscriber);
         !state.closed && !state.publishers.is_empty() && !has_it
@@ -185,7 +195,7 @@ impl Publication {
         let caller = accepted.caller().to_owned();
         let Accepted { mut stream, header, peer, place } = accepted;
         let asked = header.get("type").unwrap_or("*");
-        // Who takes any type is somebody that looks, `rostopic` or `wrapyfi why`.
+        // A subscriber of any type is a command that looks, `rostopic` or `wrapyfi why`.
         let is_typed = asked != "*";
         if is_typed && asked != self.wire_type.name && header.get("md5sum") != Some("*") {
             // The same fields under another name: usable, and odd.
@@ -194,6 +204,16 @@ impl Publication {
                 "ROS 1: {caller} calls the type {asked}, which is {} here",
                 self.wire_type.name
             );
+        }
+        if self.wire_type.md5 == ANY {
+            // It was asked for its type.
+            let [name, md5, text] =
+                ["type", "md5sum", "message_definition"].map(|it| header.get(it));
+            if let (Some(name), Some(md5), Some(text)) = (name, md5, text)
+                && let Err(error) = core.types().show(name, md5, text)
+            {
+                tracing::debug!(topic = self.topic, "ROS 1: {caller} shows no definition: {error}");
+            }
         }
         let latches = self.state.lock().publishers.values().any(|entry| entry.latches);
         let own = core

@@ -1,8 +1,10 @@
 //! Publishes a topic: encodes, and hands to the publication.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
+use bytes::Bytes;
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NAME;
@@ -10,7 +12,7 @@ use super::node::{Mark, Node};
 use super::publication::{Entry, KEEP_ALL, Keep, Publication};
 use super::subscriber::Frame;
 use super::{conversion, differences};
-use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_data::types::{MessageType, Payload, RosMessage};
 use wrapyfi_data::{EncodeError, EncodeResult};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
@@ -91,21 +93,49 @@ impl Ros1Publisher {
         self.publication.change(self.id, change);
     }
 
+    /// Names of the subscribers' nodes.
+    pub(super) fn callers(&self) -> BTreeSet<String> {
+        self.publication.callers()
+    }
+
+    /// Sends a message that begins with what `head` makes of its number, and ends with `part`, if there is one.
+    pub(super) fn send_part(
+        &mut self,
+        head: impl FnOnce(u32) -> Vec<u8>,
+        part: Option<&RosMessage>,
+    ) -> Published {
+        let mut pieces = vec![head(self.sequence).into()];
+        if let (Some(part), Some(plan)) = (part, &self.plan) {
+            pieces.push(conversion::to_ros1(part, plan, 0, &self.spec.limits)?.into());
+        }
+        let keep = if self.latches { Keep::LastOf(None) } else { Keep::No };
+        let frame = self.frame(pieces)?;
+        self.send_frame(&frame, keep)
+    }
+
     fn encode(&mut self, payload: &Payload) -> EncodeResult<Frame> {
         let pieces = conversion::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
+        self.frame(pieces)
+    }
+
+    fn frame(&mut self, pieces: Vec<Bytes>) -> EncodeResult<Frame> {
         self.sequence = self.sequence.wrapping_add(1);
-        let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
+        let size: usize = pieces.iter().map(Bytes::len).sum();
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
         Frame::new(pieces).ok_or(EncodeError::TooLarge { actual, limit })
     }
 
-    /// While nobody subscribes nothing is encoded, unless it is kept.
+    /// While no program subscribes nothing is encoded, unless it is kept.
     fn send(&mut self, payload: &Payload, keep: Keep) -> Published {
         if keep == Keep::No && self.publication.subscribers() == 0 {
             return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         let frame = self.encode(payload)?;
-        let reached = self.publication.send(self.id, &frame, keep);
+        self.send_frame(&frame, keep)
+    }
+
+    fn send_frame(&self, frame: &Frame, keep: Keep) -> Published {
+        let reached = self.publication.send(self.id, frame, keep);
         if reached == 0 && keep == Keep::No {
             return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
@@ -129,7 +159,10 @@ impl Publisher for Ros1Publisher {
 
     fn link(&self) -> Link {
         let peers = self.publication.subscribers();
-        let awaited = || self.publication.awaited() + &self.node.core.own_hint();
+        let awaited = || {
+            let awaited = self.publication.awaited();
+            self.node.core.announces_loopback(Some(&awaited)).unwrap_or(awaited)
+        };
         let waiting_for = (peers == 0).then(|| self.node.fault().unwrap_or_else(awaited));
         let keeps_last = self.latches || self.source_latches;
         Link { peers: Some(peers), waiting_for, keeps_last }

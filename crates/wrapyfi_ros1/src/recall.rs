@@ -28,8 +28,8 @@ const ANSWER: Duration = Duration::from_secs(1);
 /// Time that a subscriber which was told has to connect.
 const CONNECTS: Duration = Duration::from_secs(2);
 
-/// Tells a subscriber of a topic again who publishes it, until it has connected, subscribes no more, or nobody publishes
-/// here.
+/// Tells a subscriber of a topic again who publishes it, until it has connected, subscribes no more, or no program
+/// publishes here.
 pub(super) async fn recall(core: &Core, publication: &Weak<Publication>, subscriber: &str) {
     // With the number of the connection no update of the master has the same address.
     let own = format!("{}{}", core.api, core.next_id());
@@ -37,7 +37,7 @@ pub(super) async fn recall(core: &Core, publication: &Weak<Publication>, subscri
     loop {
         backoff.pause().await;
         let topic = match publication.upgrade() {
-            Some(publication) if publication.lacks(subscriber) => publication.topic.clone(),
+            Some(publication) if publication.awaits(subscriber) => publication.topic.clone(),
             _ => return,
         };
         match timeout(ANSWER, tell(core, &topic, subscriber, &own)).await {

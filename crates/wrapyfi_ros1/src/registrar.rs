@@ -13,8 +13,9 @@ use tokio::time::timeout;
 
 use super::master::MasterError;
 use super::node::Node;
-use super::registrations::{Key, Kind, Step};
+use super::registrations::{Key, Kind, MasterUpdate};
 use super::xmlrpc::text;
+use wrapyfi_endpoint::Cause;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Time between two looks at the master.
@@ -48,7 +49,7 @@ async fn meet_master(node: &Arc<Node>) {
     loop {
         match node.master.ask("getUri", []).await {
             Ok(uri) => return node.master.whereabouts.note_master(&uri),
-            Err(error @ MasterError::Unreachable(_)) => {
+            Err(error @ MasterError::Unreachable { .. }) => {
                 node.set_fault(Some(away(node, &error)));
                 backoff.pause().await;
             }
@@ -58,17 +59,17 @@ async fn meet_master(node: &Arc<Node>) {
     }
 }
 
-/// Reason why the master cannot be asked, and the likely remedy.
-fn away(node: &Node, error: &MasterError) -> String {
-    let awaited = error.awaited();
-    match node.master.whereabouts.afar {
-        Some(_) => format!(
-            "{awaited}; roscore has to run there, and a firewall may be between (port {} and those \
-             of its nodes)",
+/// Cause for which the master cannot be asked, and the likely remedy.
+fn away(node: &Node, error: &MasterError) -> Cause {
+    let mut cause = error.cause(&node.master.uri);
+    if let (Cause::ServerAway { detail, .. }, Some(_)) = (&mut cause, node.master.whereabouts.afar)
+    {
+        *detail = format!(
+            "{detail}; roscore has to run there, and a firewall may be between (port {} and those of its nodes)",
             node.master.uri.port
-        ),
-        None => awaited,
+        );
     }
+    cause
 }
 
 /// Looks at the master, and takes every step there is.
@@ -100,7 +101,7 @@ async fn take_steps(node: &Arc<Node>) -> Result<(), MasterError> {
         let Some(step) = node.state().registrations.next() else { return Ok(()) };
         match take(node, &step).await {
             Ok(()) => {}
-            Err(error @ MasterError::Unreachable(_)) => return Err(error),
+            Err(error @ MasterError::Unreachable { .. }) => return Err(error),
             // Asking again would not help: it is as done as it will be.
             Err(error) => tracing::warn!(?step, "ROS 1: {error}"),
         }
@@ -108,14 +109,14 @@ async fn take_steps(node: &Arc<Node>) -> Result<(), MasterError> {
     }
 }
 
-async fn take(node: &Arc<Node>, step: &Step) -> Result<(), MasterError> {
+async fn take(node: &Arc<Node>, step: &MasterUpdate) -> Result<(), MasterError> {
     let master = &node.master;
     let own = text(&master.api);
     // The address of this node with another scheme.
     let address = || node.tcpros.to_string().replacen("http", "rosrpc", 1);
     let address = || text(address().trim_end_matches('/'));
     let (method, params) = match step {
-        Step::Enter(Key { kind, name }, type_name) => match kind {
+        MasterUpdate::Enter(Key { kind, name }, type_name) => match kind {
             Kind::Publisher => ("registerPublisher", vec![text(name), text(type_name), own]),
             Kind::Subscriber => {
                 let since = node.updates(name);
@@ -136,7 +137,7 @@ async fn take(node: &Arc<Node>, step: &Step) -> Result<(), MasterError> {
                 return Ok(());
             }
         },
-        Step::Remove(Key { kind, name }) => match kind {
+        MasterUpdate::Remove(Key { kind, name }) => match kind {
             Kind::Publisher => ("unregisterPublisher", vec![text(name), own]),
             Kind::Subscriber => ("unregisterSubscriber", vec![text(name), own]),
             Kind::Service => ("unregisterService", vec![text(name), address()]),

@@ -36,7 +36,7 @@ impl Key {
 
 /// A step.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Step {
+pub(super) enum MasterUpdate {
     /// Tell the master, with the type of the topic, or the text of a mark.
     Enter(Key, String),
     /// Tell the master that it is gone.
@@ -68,21 +68,21 @@ impl Registrations {
         self.wanted.clear();
     }
 
-    /// The next step. Registrations that end come first: a name may be given to somebody else.
-    pub(super) fn next(&self) -> Option<Step> {
+    /// The next step. Registrations that end come first: a name may be given to another program.
+    pub(super) fn next(&self) -> Option<MasterUpdate> {
         let gone = self.entered.iter().find(|key| !self.wanted.contains_key(key));
         if let Some(key) = gone {
-            return Some(Step::Remove(key.clone()));
+            return Some(MasterUpdate::Remove(key.clone()));
         }
         let mut missing = self.wanted.iter().filter(|(key, _)| !self.entered.contains(key));
-        missing.next().map(|(key, type_name)| Step::Enter(key.clone(), type_name.clone()))
+        missing.next().map(|(key, type_name)| MasterUpdate::Enter(key.clone(), type_name.clone()))
     }
 
     /// A step was taken. One whose registration is no longer wanted is undone next.
-    pub(super) fn taken(&mut self, step: &Step) {
+    pub(super) fn taken(&mut self, step: &MasterUpdate) {
         match step {
-            Step::Enter(key, _) => _ = self.entered.insert(key.clone()),
-            Step::Remove(key) => _ = self.entered.remove(key),
+            MasterUpdate::Enter(key, _) => _ = self.entered.insert(key.clone()),
+            MasterUpdate::Remove(key) => _ = self.entered.remove(key),
         }
     }
 
@@ -111,14 +111,14 @@ mod tests {
     fn what_is_wanted_is_entered_once_and_removed_once() {
         let mut all = Registrations::default();
         all.want(key("/a"), "std_msgs/String");
-        let enter = Step::Enter(key("/a"), "std_msgs/String".into());
+        let enter = MasterUpdate::Enter(key("/a"), "std_msgs/String".into());
         assert_eq!(all.next(), Some(enter.clone()));
         all.taken(&enter);
         assert_eq!(all.next(), None);
         assert!(all.expected());
         all.unwant(&key("/a"));
-        assert_eq!(all.next(), Some(Step::Remove(key("/a"))));
-        all.taken(&Step::Remove(key("/a")));
+        assert_eq!(all.next(), Some(MasterUpdate::Remove(key("/a"))));
+        all.taken(&MasterUpdate::Remove(key("/a")));
         assert_eq!(all.next(), None);
         assert!(!all.expected());
     }
@@ -140,7 +140,7 @@ mod tests {
         let enter = all.next().unwrap();
         all.unwant(&key("/a"));
         all.taken(&enter);
-        assert_eq!(all.next(), Some(Step::Remove(key("/a"))));
+        assert_eq!(all.next(), Some(MasterUpdate::Remove(key("/a"))));
     }
 
     proptest! {

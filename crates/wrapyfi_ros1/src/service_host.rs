@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One request at a time on a connection, as TCPROS has it. A client that goes away takes its request
-//! along, if nobody has taken it yet.
+//! along, if no program has taken it yet.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -29,7 +29,7 @@ use wrapyfi_endpoint::{Context, Counters, DropReason, PROGRESS, Share, Wake};
 pub(super) const HEAD: usize = 5;
 
 /// Answer to a request: the reply, or the reason why there is none.
-pub(super) type Answer = Result<Reply, String>;
+pub(super) type ServiceResult = Result<Reply, String>;
 
 /// A reply that its server counts as sent. One that is dropped before it is written counts as lost.
 pub(super) struct Reply {
@@ -67,7 +67,7 @@ impl Drop for Reply {
 /// A request, and the way back.
 pub(super) struct Ask {
     pub(super) body: Bytes,
-    pub(super) answer: oneshot::Sender<Answer>,
+    pub(super) answer: oneshot::Sender<ServiceResult>,
 }
 
 pub(super) struct ServiceHost {
@@ -194,7 +194,7 @@ impl ServiceHost {
 
     /// Writes an answer. A reply waits here until its client has read it, and counts as waiting in this process:
     /// without room its client is told. One that is not read is not sent.
-    async fn reply(&self, stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
+    async fn reply(&self, stream: &mut TcpStream, answer: ServiceResult) -> std::io::Result<()> {
         let reply = match answer {
             Ok(reply) => reply,
             Err(why) => return refuse(stream, &why).await,
@@ -238,7 +238,10 @@ impl ServiceHost {
 }
 
 /// Waits for the answer; `None` where the client goes first.
-async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Option<Answer> {
+async fn wait(
+    stream: &TcpStream,
+    mut answer: oneshot::Receiver<ServiceResult>,
+) -> Option<ServiceResult> {
     let ended = || "the server ended before it answered".to_owned();
     let mut next = [0];
     tokio::select! {

@@ -14,12 +14,12 @@ use bytes::{BufMut as _, Bytes};
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NAME;
-use super::conversion::{fitted, from_ros1, to_ros1};
+use super::conversion::{from_ros1, in_order, to_ros1};
 use super::core::Core;
 use super::differences;
-use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
+use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind};
 use wrapyfi_data::{DecodeError, EncodeError};
-use wrapyfi_endpoint::codec::{requests, ros1};
+use wrapyfi_endpoint::codec::{convert, requests, ros1};
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
 
 /// Name of the format in errors.
@@ -58,25 +58,15 @@ impl ServiceCodec {
         let ServiceKind::Ros(service) = spec.kind else {
             return Ok(Self { spec: spec.clone(), wire_type: known(spec.kind), any: None });
         };
-        let mut types = core.types();
-        // Whoever resolved it may have looked where this node does not.
-        types.add_ros2(service.resolved());
-        let found = types.service_towards_ros1(service.resolved().name()).and_then(|found| {
-            let (definition, rules) = (found.definition, types.rules());
-            let (asked, answered) = (service.request(), service.response());
-            let request = PairPlan::compile(&definition.request, asked.resolved(), rules)?;
-            let response = PairPlan::compile(&definition.response, answered.resolved(), rules)?;
-            Ok((definition, AnyService { service, request, response }))
-        });
-        let (definition, any) = found.map_err(|error| {
+        let found = differences::service_towards(&mut core.types(), service);
+        let (definition, [request, response]) = found.map_err(|error| {
             OpenError::transport(
                 NAME,
                 &spec.service,
                 format!("{service} cannot be used on ROS 1: {error}"),
             )
         })?;
-        for (plan, part) in [(&any.request, service.request()), (&any.response, service.response())]
-        {
+        for (plan, part) in [(&request, service.request()), (&response, service.response())] {
             for difference in differences::of_plan(plan, part) {
                 tracing::warn!(service = spec.service, "{difference}");
             }
@@ -87,7 +77,8 @@ impl ServiceCodec {
             request: definition.request_type(),
             response: definition.response_type(),
         };
-        Ok(Self { spec: spec.clone(), wire_type, any: Some(any) })
+        let any = Some(AnyService { service, request, response });
+        Ok(Self { spec: spec.clone(), wire_type, any })
     }
 
     /// Writes a request with its size.
@@ -102,7 +93,8 @@ impl ServiceCodec {
             }
             Some(AnyService { service, request: plan, .. }) => {
                 let limits = &self.spec.limits;
-                let message = requests::asked_message(request, *service, limits.message_bytes)?;
+                let message =
+                    requests::asked_message(request, service.request(), limits.message_bytes)?;
                 to_ros1(&message, plan, 0, limits)?
             }
         };
@@ -138,7 +130,7 @@ impl ServiceCodec {
         let spec = &self.spec;
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
             let limit = spec.limits.message_bytes;
-            let message = requests::returned_message(payload, *service, limit)?;
+            let message = requests::returned_message(payload, service.response(), limit)?;
             return Ok(vec![to_ros1(&message, plan, 0, &spec.limits)?.into()]);
         }
         let payload = &*requests::without_messages(payload)?;
@@ -149,8 +141,18 @@ impl ServiceCodec {
             ));
         }
         let kind = message_type(spec.kind);
-        let payload = fitted(payload, kind, spec.color_order, &spec.limits)?;
-        ros1::encode(&payload, kind, 0, &spec.limits, &spec.plugins)
+        let encode = |payload: &Payload| {
+            let payload = in_order(payload, spec.color_order);
+            ros1::encode(&payload, kind, 0, &spec.limits, &spec.plugins)
+        };
+        match payload {
+            // The one type of pictures that functions have here carries pixels.
+            Payload::Image(image) => {
+                let image = convert(image.clone(), kind, spec.color_order, &spec.limits)?;
+                encode(&image.into())
+            }
+            other => encode(other),
+        }
     }
 
     /// Reads what a function returned.
@@ -159,8 +161,7 @@ impl ServiceCodec {
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
             return from_ros1(body, plan, service.response(), &spec.limits).map(Payload::from);
         }
-        let payload = ros1::decode(body, message_type(spec.kind), &spec.limits, &spec.plugins)?;
-        requests::received(payload, spec, Stamp::default())
+        ros1::decode(body, message_type(spec.kind), &spec.limits, &spec.plugins)
     }
 }
 

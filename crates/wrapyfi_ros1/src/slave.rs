@@ -154,7 +154,7 @@ fn bus_stats(node: &Arc<Node>) -> Value {
     let subscribers = state.subscriptions.iter().map(|(topic, subscription)| {
         let links = subscription.listeners.iter().flat_map(|connections| connections.links());
         let links = links.map(|BusLink { id, messages, bytes, connected, .. }| {
-            // Nobody knows what was dropped before it came here.
+            // Messages dropped before they came here cannot be counted.
             let (dropped, connected) = (Value::Integer(-1), Value::Boolean(connected));
             Value::Array(vec![int(id), int(bytes), int(messages), dropped, connected])
         });

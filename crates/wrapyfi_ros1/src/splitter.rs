@@ -125,7 +125,7 @@ impl Splitter {
         if self.missing > 0 {
             return (&mut self.large).limit(self.missing);
         }
-        // Takes the same memory again where nobody holds a message in it.
+        // Takes the same memory again where no message in it is held.
         if self.small.capacity() - self.small.len() < SMALL / 2 {
             self.small.reserve(SMALL);
         }

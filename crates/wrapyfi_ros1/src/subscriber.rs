@@ -8,8 +8,7 @@
 //!
 //! A subscriber that does not read fills its own queue only.
 
-use std::collections::VecDeque;
-use std::io::{self, IoSlice};
+use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -21,7 +20,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Outbox, Overflow, Pieces, Waits};
 use wrapyfi_retry::liveness::{self, Silence};
 
 /// Longest time that the last messages have after their publisher went.
@@ -69,6 +68,30 @@ impl Waits for Frame {
     }
 }
 
+/// A message that waits for one subscriber, and where it is counted.
+struct Waiting {
+    frame: Frame,
+    counters: Arc<Counters>,
+}
+
+impl Waiting {
+    fn missed(&self, reason: DropReason) {
+        self.frame.missed(reason, &self.counters);
+    }
+}
+
+impl Waits for Waiting {
+    fn bytes(&self) -> usize {
+        self.frame.len()
+    }
+}
+
+impl Pieces for Waiting {
+    fn pieces(&self) -> impl Iterator<Item = &[u8]> {
+        self.frame.0.pieces.iter().map(|piece| &piece[..])
+    }
+}
+
 /// One connection of a topic, as the slave API tells it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct BusLink {
@@ -99,13 +122,7 @@ pub(super) struct Subscriber {
 
 #[derive(Default)]
 struct Queue {
-    /// Messages, and where they are counted.
-    frames: VecDeque<(Frame, Arc<Counters>)>,
-    share: Share,
-    /// Bytes of the first frame that are on their way.
-    written: usize,
-    messages: u64,
-    bytes: u64,
+    outbox: Outbox<Waiting>,
     /// True when the task watches whether the subscriber's machine acknowledges what is on its way.
     is_watched: bool,
     /// True when nothing more is accepted; queued messages are still sent.
@@ -151,24 +168,16 @@ impl Subscriber {
         if queue.broken || queue.finishing {
             return frame.missed(queue.end(), counters);
         }
-        if queue.frames.len() >= depth.max(1) {
-            // A message that has begun must end.
-            let begun = usize::from(queue.written > 0);
-            let Some((oldest, of)) = queue.frames.remove(begun) else {
-                return frame.missed(DropReason::SendQueueFull, counters);
-            };
-            queue.share.give(oldest.len());
-            oldest.missed(DropReason::SendQueueFull, &of);
+        let lose = |oldest: Waiting| oldest.missed(DropReason::SendQueueFull);
+        let waiting = Waiting { frame: frame.clone(), counters: Arc::clone(counters) };
+        if let Err((_, reason)) = queue.outbox.push(waiting, depth, Overflow::DropOldest, lose) {
+            return frame.missed(reason, counters);
         }
-        if !queue.share.take(frame.len()) {
-            return frame.missed(DropReason::OverBudget, counters);
-        }
-        queue.frames.push_back((frame.clone(), Arc::clone(counters)));
-        if queue.frames.len() == 1 {
+        if queue.outbox.len() == 1 {
             queue.flush(&self.stream);
         }
         let begins = !std::mem::replace(&mut queue.is_watched, true);
-        if begins || !queue.frames.is_empty() || queue.broken {
+        if begins || !queue.outbox.is_empty() || queue.broken {
             self.work.notify_one();
         }
     }
@@ -187,13 +196,14 @@ impl Subscriber {
 
     pub(super) fn link(&self) -> BusLink {
         let queue = self.queue.lock();
+        let (messages, bytes) = queue.outbox.sent();
         BusLink {
             id: self.id,
             peer: self.peer.clone(),
             address: self.address.to_string(),
             connected: !queue.broken,
-            messages: queue.messages,
-            bytes: queue.bytes,
+            messages,
+            bytes,
         }
     }
 
@@ -204,10 +214,7 @@ impl Subscriber {
         let mut queue = self.queue.lock();
         queue.broken = true;
         let reason = queue.end();
-        for (frame, counters) in std::mem::take(&mut queue.frames) {
-            queue.share.give(frame.len());
-            frame.missed(reason, &counters);
-        }
+        queue.outbox.drain().for_each(|waiting| waiting.missed(reason));
         let of_program = [io::ErrorKind::ConnectionReset, io::ErrorKind::BrokenPipe];
         ended.is_err_and(|fault| !of_program.contains(&fault.kind()))
     }
@@ -223,7 +230,7 @@ impl Subscriber {
                 if queue.is_watched {
                     silence.sent();
                 }
-                (!queue.frames.is_empty(), queue.finishing)
+                (!queue.outbox.is_empty(), queue.finishing)
             };
             if finishing {
                 if pending {
@@ -261,7 +268,7 @@ impl Subscriber {
         while self.stream.writable().await.is_ok() {
             let mut queue = self.queue.lock();
             queue.flush(&self.stream);
-            if queue.frames.is_empty() || queue.broken {
+            if queue.outbox.is_empty() || queue.broken {
                 return;
             }
         }
@@ -293,34 +300,9 @@ impl Queue {
 
     /// Writes until the socket takes no more.
     fn flush(&mut self, stream: &TcpStream) {
-        while let Some((frame, _)) = self.frames.front() {
-            let mut skip = self.written;
-            let mut slices = Vec::with_capacity(frame.0.pieces.len());
-            for piece in &frame.0.pieces {
-                let rest = piece.get(skip..).unwrap_or_default();
-                skip = skip.saturating_sub(piece.len());
-                if !rest.is_empty() {
-                    slices.push(IoSlice::new(rest));
-                }
-            }
-            match stream.try_write_vectored(&slices) {
-                Ok(bytes) => {
-                    self.written += bytes;
-                    self.bytes += bytes as u64;
-                }
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
-                Err(error) => {
-                    (self.broken, self.fault) = (true, Some(error.kind()));
-                    return;
-                }
-            }
-            let size = frame.len();
-            if self.written >= size {
-                self.share.give(size);
-                self.frames.pop_front();
-                self.written = 0;
-                self.messages += 1;
-            }
+        let written = self.outbox.write(|slices| stream.try_write_vectored(slices), |_| {});
+        if let Err(error) = written {
+            (self.broken, self.fault) = (true, Some(error.kind()));
         }
     }
 }

@@ -13,9 +13,10 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
 use super::header::{Header, HeaderError, NODE};
-use wrapyfi_endpoint::Mutex;
+use super::xmlrpc::shortened;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
+use wrapyfi_endpoint::{Mutex, WireType};
 
 /// Longest time until a connection stands, an unreachable host's included.
 pub(super) const CONNECT: Duration = Duration::from_secs(5);
@@ -43,9 +44,9 @@ pub(super) enum GreetingError {
     Away(String),
 }
 
-/// Words about two sides with different definitions: what is `there`, and what this side wants.
-pub(super) fn unlike(there: &str, wanted: &str, md5: &str) -> String {
-    format!("{there}; wanted is {wanted} [{md5}]: have both use the same definition")
+/// A type as a header has it, each part shortened.
+pub(super) fn shown(name: &str, md5: &str) -> WireType {
+    WireType { name: shortened(name), checksum: shortened(md5) }
 }
 
 /// Sets the socket options of every TCPROS connection.
@@ -73,7 +74,7 @@ pub(super) async fn place_to_open(host: &str, port: u16) -> Option<OwnedSemaphor
             places
         })
     };
-    // Nobody closes it.
+    // The semaphore is never closed.
     places.acquire_owned().await.ok()
 }
 

@@ -54,7 +54,7 @@ pub(super) async fn accept(port: Arc<Port>, node: Weak<Node>) {
             Err(_) => {
                 let text = format!("{connections} connections are open, which is the limit");
                 tell(&refusals.connections, peer, "connection", &text);
-                // It fits into the socket's buffer: nobody is waited for.
+                // It fits into the socket's buffer: no program is waited for.
                 tokio::spawn(async move { timeout(CONNECT, refuse(&mut stream, &text)).await });
             }
         }
@@ -74,7 +74,7 @@ async fn welcome(
     }
     let header = match hear(&mut stream).await {
         Ok(header) => header,
-        // It asked only whether somebody is here, as `wrapyfi why` does.
+        // It asked only whether a program is here, as `wrapyfi why` does.
         Err(GreetingError::Io(left)) if left.kind() == ErrorKind::UnexpectedEof => return,
         Err(error) => {
             let text = error.to_string();

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Nodes announce the host name of their machine unless `ROS_IP` is set there. The one of the robot is
-//! often known to nobody else; but the master is on it, and where the master is we know.
+//! often known to no other program; but the master is on it, and where the master is we know.
 
 use std::net::IpAddr;
 use std::sync::OnceLock;

@@ -77,7 +77,7 @@ impl CdrClient for Client {
     }
 }
 
-/// A server on CycloneDDS that nobody needs yet.
+/// A server on CycloneDDS that no client needs yet.
 pub(super) struct Waiting {
     open: Box<dyn Fn() -> Created<dyn CdrServer> + Send>,
     /// Writers of requests, and the number of their changes at the last look.
@@ -176,7 +176,7 @@ impl CdrServer for Server {
             }
             if let Some((writer, _)) = request.sample.filter(|_| !is_fast_dds(&request.id)) {
                 self.open(true)?;
-                // Without it nobody could answer.
+                // Without it the server could not answer.
                 let Some(cyclone) = &mut self.cyclone else { continue };
                 cyclone.note_client(&request.id, &writer);
             }

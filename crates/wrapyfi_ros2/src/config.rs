@@ -168,7 +168,7 @@ impl CycloneConfig {
             DiscoveryRange::Off => {
                 general.push_str("<AllowMulticast>false</AllowMulticast>");
                 discovery.push_str("<ParticipantIndex>none</ParticipantIndex>");
-                // A tag nobody else has: participants with another tag are not seen.
+                // A tag no other program has: participants with another tag are not seen.
                 _ = write!(discovery, "<Tag>ros_discovery_off_{pid}</Tag>");
                 peers = &[];
             }

@@ -52,7 +52,7 @@ impl CdrWriter for CycloneWriter {
         written.map_err(|fault| refused(&self.topic, &fault))
     }
 
-    fn slowed(&self) -> Option<String> {
+    fn slowed(&self) -> Option<wrapyfi_endpoint::Cause> {
         self.pacing.slowed()
     }
 

@@ -30,7 +30,7 @@ use super::services::Services;
 use wrapyfi_endpoint::{BridgeMark, History, Mutex, Qos, Reliability};
 use wrapyfi_node::NodeName;
 
-/// Partition of the endpoints of a service that nobody uses yet: others find them, and do not match.
+/// Partition of the endpoints of a service that no program uses yet: others find them, and do not match.
 const ANNOUNCED: &CStr = c"announced";
 
 /// Error of creating a node on CycloneDDS.
@@ -192,7 +192,7 @@ impl CycloneGraph {
             partition,
         };
         let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
-        // As ROS 2 does: the reader first, so that no reply finds nobody.
+        // As ROS 2 does: the reader first, so that each reply finds its reader.
         let reader =
             RawReader::new(&node.participant, (&read.0, &read.1), &qos(&read_data), events());
         let reader = reader.map_err(code)?;

@@ -119,9 +119,9 @@ impl Ends {
         confirmed
     }
 
-    /// Time until [`Ends::heard`] is asked again, where it has said no: nobody is told of
+    /// Time until [`Ends::heard`] is asked again, where it has said no: no program is told of
     /// acknowledgements. Soon after a match, then ever less often, until [`CONFIRM`] is over. Its
-    /// last answer counts, not the one it would give now: that would keep the news from whoever was
+    /// last answer counts, not the one it would give now: that would keep the news from the program that was
     /// told no.
     fn look_again(&self) -> Option<Duration> {
         let (_, since, confirmed) = self.probed.get();

@@ -8,6 +8,7 @@
 //!   neither ─────────────────────────────────▶ "a publisher of /chatter", and the peer whose name does not resolve
 //! ```
 
+use crate::ros2::NAME;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
@@ -18,7 +19,8 @@ use super::graph::{
 use super::matching::unmet;
 use super::peer_relay::unresolved_peers;
 use wrapyfi_endpoint::{
-    AnnouncedQos, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, Throttle, TopicSpec,
+    Absent, AnnouncedQos, Cause, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, Role,
+    Throttle, TopicSpec,
 };
 
 /// Time for which a peer waits for the name of its node before it is reported without.
@@ -70,7 +72,7 @@ pub(super) struct Diagnosis {
     type_hash: Option<String>,
     /// True where publishers are waited for.
     awaits_publisher: bool,
-    /// Follows its peers, so that only what nobody can offer stays unmet.
+    /// Follows its peers, so that only what no peer offers stays unmet.
     matches: bool,
     /// Policies that are set elsewhere, whatever the peers announce.
     pinned: PinnedQos,
@@ -134,29 +136,36 @@ impl Diagnosis {
         Link { peers: Some(matched), waiting_for, keeps_last }
     }
 
-    fn missing(&self, own: &Qos, incompatible: Option<&'static str>) -> String {
-        let (peer, topic) = (self.peer(), &self.topic);
+    fn missing(&self, own: &Qos, incompatible: Option<&'static str>) -> Cause {
+        let absent = match self.awaits_publisher {
+            true => Absent::new(Role::Publisher, "a publisher of", NAME, &self.topic),
+            false => Absent::new(Role::Listener, "a subscriber of", NAME, &self.topic),
+        };
         let all = self.watch.peers();
         let of_type = |wanted: bool| {
             all.iter().filter(move |peer| (peer.type_name == self.type_name) == wanted)
         };
         let unfit = of_type(true).find_map(|peer| {
             let policies = unmet(self.awaits_publisher, own, &peer.qos);
-            policies.first().map(|&policy| self.values(peer, policy, own))
+            policies.first().map(|&policy| (peer, policy))
         });
         match (unfit, incompatible, of_type(false).next()) {
-            (Some(values), ..) => format!("a {peer} of {topic} that fits ({values})"),
+            (Some((peer, policy)), ..) => {
+                let theirs = policy.value(&peer.qos);
+                let ours = policy.value(&AnnouncedQos::from(*own));
+                Cause::Qos { absent, peer: self.name(peer), theirs, ours }
+            }
             // A policy that is none of ROS's.
             (None, Some(policy), _) if of_type(true).next().is_some() => {
-                format!("a {peer} of {topic} whose {policy} is compatible (see qos)")
+                Cause::Policy { absent, policy }
             }
             (None, _, Some(other)) => {
-                let (wanted, other) = (self.type_name, &other.type_name);
-                format!("a {peer} of {topic} with type {wanted} (those there carry {other})")
+                let (theirs, ours) = (other.type_name.clone(), self.type_name.to_owned());
+                Cause::Type { absent, peer: None, theirs, ours }
             }
-            (None, _, None) => match unresolved_peers().first() {
-                Some(unresolved) => format!("a {peer} of {topic} ({unresolved})"),
-                None => format!("a {peer} of {topic}"),
+            (None, _, None) => match unresolved_peers().into_iter().next() {
+                Some(why) => Cause::UnresolvedHost { absent, why },
+                None => Cause::Nobody(absent),
             },
         }
     }

@@ -1,4 +1,4 @@
-//! The ROS 2 graph as [`Discovery`] shows it: topics and services of other participants.
+//! The ROS 2 graph as [`Discovery`] shows it: topics, services and actions of other participants.
 //!
 //! ```text
 //!   DDS built-in topics ─ Graph::endpoints ─┐
@@ -11,6 +11,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::action_discovery::with_actions;
 use super::discovery_info::TOPIC;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, ServiceMapping};
 use super::names::{self, RosName};
@@ -79,7 +80,7 @@ impl Discovery for Ros2Discovery {
                 Some((is_second, discovered(endpoint, node)?))
             })
             .collect();
-        let mut found = in_one_mapping(found);
+        let mut found = with_actions(in_one_mapping(found));
         found.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
         Ok(found)
     }

@@ -24,9 +24,9 @@ const FILES: usize = 12;
 const THREADS: usize = 8;
 const STACK: usize = 8 << 20;
 
-static DOMAINS: Mutex<BTreeMap<u32, Shared>> = Mutex::new(BTreeMap::new());
+static DOMAINS: Mutex<BTreeMap<u32, DomainInUse>> = Mutex::new(BTreeMap::new());
 
-struct Shared {
+struct DomainInUse {
     configuration: String,
     users: usize,
     _domain: Entity,
@@ -112,7 +112,8 @@ impl DomainLease {
                     }
                 })?;
                 log_receive_buffer();
-                let shared = Shared { configuration, users: 1, _domain: domain, _relays: relays };
+                let shared =
+                    DomainInUse { configuration, users: 1, _domain: domain, _relays: relays };
                 domains.insert(id, shared);
             }
         }
@@ -122,7 +123,7 @@ impl DomainLease {
 
 impl Drop for DomainLease {
     fn drop(&mut self) {
-        // The lock is held while Cyclone stops its threads, so that nobody opens the domain half
+        // The lock is held while Cyclone stops its threads, so that no thread opens the domain half
         // closed. Callbacks never take this lock.
         let mut domains = DOMAINS.lock();
         if let Some(shared) = domains.get_mut(&self.0) {

@@ -190,7 +190,7 @@ pub enum EnvironmentError {
         build = build!()
     )]
     Zenoh,
-    /// A middleware nobody knows.
+    /// A middleware of an unknown name.
     #[error(
         "RMW_IMPLEMENTATION={0} is not known here: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, unset it, or {build}",
         build = build!()
@@ -254,7 +254,7 @@ pub fn needs_zenoh_router(lookup: impl Fn(&str) -> Option<String>) -> bool {
     set("RMW_IMPLEMENTATION").is_some_and(|rmw| rmw == "rmw_zenoh_cpp")
         && !is_cyclone
         && is_elsewhere.iter().all(|name| set(name).is_none())
-        // A negative number: whoever says that does without.
+        // A negative number: a user who sets that runs no router.
         && !set("ZENOH_ROUTER_CHECK_ATTEMPTS").is_some_and(|count| count.trim().starts_with('-'))
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Follower {
 
 /// Steps that follow from one look at the peers.
 #[derive(Debug, Default)]
-pub(super) struct Look {
+pub(super) struct FollowSteps {
     /// Open the endpoint again with this, because of that.
     pub(super) switch: Option<(Qos, String)>,
     /// Complaints about peers, for the user.
@@ -51,10 +51,10 @@ impl Follower {
     }
 
     /// Looks at the peers of an endpoint that has `own`, if there is news or it is time.
-    pub(super) fn look(&mut self, own: &Qos, now: Instant) -> Look {
+    pub(super) fn look(&mut self, own: &Qos, now: Instant) -> FollowSteps {
         let changes = self.diagnosis.changes();
         if changes == self.seen && self.next.is_none_or(|next| now < next) {
-            return Look { next: self.next, ..Look::default() };
+            return FollowSteps { next: self.next, ..FollowSteps::default() };
         }
         self.seen = changes;
         self.next = None;
@@ -66,7 +66,7 @@ impl Follower {
                 Decision::Wait(until) => {
                     self.diagnosis.prepare_names();
                     self.next = Some(until);
-                    return Look { next: self.next, ..Look::default() };
+                    return FollowSteps { next: self.next, ..FollowSteps::default() };
                 }
                 Decision::Switch(found) => {
                     let mut why = self.diagnosis.reason(&peers, own, &found.qos);
@@ -76,17 +76,17 @@ impl Follower {
                     }
                     // Complaints are about what it has then.
                     self.next = Some(now);
-                    return Look {
+                    return FollowSteps {
                         switch: Some((found.qos, why)),
                         next: self.next,
-                        ..Look::default()
+                        ..FollowSteps::default()
                     };
                 }
             }
         }
         let (complaints, next) = self.diagnosis.complaints(own, now);
         self.next = next;
-        Look { switch: None, complaints, next }
+        FollowSteps { switch: None, complaints, next }
     }
 
     /// The endpoint could not be opened again: not before `at`.

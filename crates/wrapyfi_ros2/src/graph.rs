@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
 
-use wrapyfi_endpoint::{AnnouncedQos, BridgeMark, Qos, Wake};
+use wrapyfi_endpoint::{AnnouncedQos, BridgeMark, Cause, Qos, Wake};
 use wrapyfi_node::NodeName;
 
 pub(crate) use service::LOOK_AGAIN;
@@ -217,7 +217,7 @@ pub struct DiscoveredEndpoint {
 /// For tests and one-shot commands: `wake` is rung by the [`Notify`] of the endpoints concerned.
 pub fn wait_until(wake: &Wake, timeout: Duration, mut condition: impl FnMut() -> bool) -> bool {
     let deadline = Instant::now() + timeout;
-    // Changes that nobody rings for, such as the list of endpoints, are looked for this often.
+    // Changes without a ring, such as the list of endpoints, are looked for this often.
     let look = Duration::from_millis(20);
     loop {
         if condition() {
@@ -249,8 +249,8 @@ pub trait CdrWriter: Send {
     /// The message was not sent: [`GraphError::Timeout`] when reliable readers did not keep up.
     fn write(&mut self, parts: &[&[u8]]) -> GraphResult<()>;
 
-    /// Reason, in words, for which fewer messages go out than are given; `None` where all do.
-    fn slowed(&self) -> Option<String> {
+    /// Cause for which fewer messages go out than are given; `None` where all do.
+    fn slowed(&self) -> Option<Cause> {
         None
     }
 

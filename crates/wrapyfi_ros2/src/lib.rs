@@ -19,6 +19,7 @@
 //!   rust_services ───── services as Fast DDS has them, on RustDDS
 //!
 //!   service: services of any type, by the bytes of requests and replies
+//!   action: actions of any type, by their services and topics
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -63,6 +64,12 @@
 //! # }
 //! ```
 
+mod action;
+mod action_client;
+mod action_discovery;
+mod action_server;
+#[cfg(test)]
+mod action_tests;
 mod adapter;
 mod announcement;
 mod both_mappings;
@@ -92,7 +99,6 @@ mod origins;
 mod owners;
 mod pacing;
 mod parameters;
-mod payload;
 mod peer_index;
 mod peer_names;
 mod peer_relay;
@@ -112,9 +118,13 @@ mod rmw_paired;
 mod ros2;
 #[cfg(feature = "fastdds-services")]
 mod rust_services;
+#[cfg(feature = "driver")]
+mod section;
 mod service;
 mod service_header;
 mod services;
+mod settings;
+mod source;
 mod vendor;
 #[cfg(test)]
 mod wire_tests;
@@ -128,7 +138,6 @@ pub use domain::DomainError;
 pub use environment::Adapter;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
-pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
     ParameterClient, ParameterClientError, ParameterResult, RemoteParameters, ServiceOptions,
 };
@@ -136,21 +145,25 @@ pub use peer_names::PeerError;
 pub use peer_relay::unresolved_peers;
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
-pub use ros2::Ros2;
+pub use ros2::{NAME, Ros2};
 #[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
-pub use service::{SPEAKS_NOT, returned};
+#[cfg(feature = "driver")]
+pub use section::{DRIVER, Ros2Section};
+pub use settings::{Ros2Settings, ros2};
+pub use source::source;
 
 use graph::GraphError;
 use listener::Ros2Listener;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
-use ros2::NAME;
-use wrapyfi_data::types::MessageType;
+use wrapyfi_data::types::{MessageType, RosAction};
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Opened, Publisher,
-    Server, ServiceSpec, TopicSpec, Traits,
+    ActionClient, ActionServer, ActionSpec, Client, Context, DiscoverError, Discovered, Discovery,
+    LearnError, LearnResult, Listener, Middleware, OpenError, Opened, Publisher, RoutingProperties,
+    Server, ServiceSpec, TopicSpec, action_of_name,
 };
+use wrapyfi_interfaces::store::TypeStore;
 
 impl Middleware for Ros2 {
     /// Programs that hear of the same name by this graph are on it.
@@ -196,17 +209,43 @@ impl Middleware for Ros2 {
         Ok(Box::new(service::Ros2Server::open(self, spec, service::depth(spec), context)?))
     }
 
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        let spec = self.resolved(spec)?;
+        Ok(Box::new(action_client::PartsClient::open(self, &spec, context)?))
+    }
+
+    fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        let spec = self.resolved(spec)?;
+        Ok(Box::new(action_server::PartsServer::open(self, &spec, context)?))
+    }
+
+    /// Looks the type up by its name, and compares it with the one that the server announces.
+    fn learn_action(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<RosAction> {
+        let kind = action_of_name(NAME, found, types)?;
+        let service = kind.send_goal();
+        let hashes = [service.request().type_hash(), &service.resolved().type_hash()];
+        match found.type_hash.as_deref().filter(|hash| !hashes.contains(hash)) {
+            None => Ok(kind),
+            Some(_) => Err(LearnError::Undefined {
+                type_name: kind.name().to_owned(),
+                reason:
+                    "the definition found here is not that of the server; have both use the same"
+                        .to_owned(),
+            }),
+        }
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros2Discovery::new(&self.graph, self.carried_by.clone())?))
     }
 
-    fn traits(&self) -> Traits {
-        Traits {
+    fn routing_properties(&self) -> RoutingProperties {
+        RoutingProperties {
             any_ros_type: true,
             ros_time: true,
             tells_own: true,
             shows_marks: true,
-            ..Traits::default()
+            ..RoutingProperties::default()
         }
     }
 }

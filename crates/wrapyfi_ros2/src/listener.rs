@@ -20,9 +20,6 @@ use super::graph::{
 use super::matching::CALM;
 use super::receive_path::{Arrived, ReceivePath};
 use super::vendor::mapping_of;
-use wrapyfi_data::Limits;
-use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
     AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Latched,
@@ -47,13 +44,9 @@ pub(super) struct Ros2Listener {
     receive_path: Arc<ReceivePath>,
     on_data: Notify,
     receiver: Receiver<Arrived>,
-    blocks: bool,
-    message_type: MessageType,
-    limits: Limits,
-    plugins: Plugins,
+    spec: TopicSpec,
     follower: Follower,
-    follows: bool,
-    /// Messages that came while nobody wanted them, of publishers that keep their last message for
+    /// Messages that came while no listener wanted them, of publishers that keep their last message for
     /// later subscribers: DDS gives it to a subscription once.
     unclaimed: Latched<u64, Arrived>,
     origins: Origins,
@@ -97,19 +90,14 @@ impl Ros2Listener {
         receive_path.lock().reader = Some(reader);
         // Messages may have come before the reader was in its place, when the callback found none.
         receive_path.drain();
-        let blocks = matches!(spec.queue.overflow, Overflow::Block(_));
         Ok(Self {
             graph: Arc::clone(graph),
             topic: topic.clone(),
             receive_path,
             on_data,
             receiver,
-            blocks,
-            message_type: spec.message_type,
-            limits: spec.limits,
-            plugins: spec.plugins.clone(),
+            spec: spec.clone(),
             follower,
-            follows: spec.match_peers,
             unclaimed: Latched::new(spec.limits.message_bytes),
             origins: Origins::default(),
         })
@@ -118,7 +106,7 @@ impl Ros2Listener {
     /// The oldest message; under policy `block` its place goes to one that is held.
     fn next(&self) -> Option<Arrived> {
         let arrived = self.receiver.pop();
-        if self.blocks {
+        if matches!(self.spec.queue.overflow, Overflow::Block(_)) {
             self.receive_path.drain();
         } else {
             self.receive_path.make_up();
@@ -131,7 +119,7 @@ impl Ros2Listener {
         let asked = self.topic.qos.durability == Durability::TransientLocal;
         let untold = if asked { SampleOrigin::UNTOLD } else { 0 };
         // Messages that a publisher sent before the subscription follows it are kept there, too.
-        if publisher == 0 || !(asked || self.follows) {
+        if publisher == 0 || !(asked || self.spec.match_peers) {
             return untold;
         }
         if let Some(keeps) = self.origins.known.get(&publisher) {
@@ -244,7 +232,8 @@ impl Listener for Ros2Listener {
         let keeps = self.keeps(publisher);
         let origin = (publisher != 0).then_some(SampleOrigin { publisher, keeps });
         let wire_bytes = cdr.len();
-        let payload = ros::decode_with(&cdr, self.message_type, &self.limits, &self.plugins)?;
+        let TopicSpec { message_type, limits, plugins, .. } = &self.spec;
+        let payload = ros::decode(&cdr, *message_type, limits, plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at, origin }))
     }
 

@@ -32,7 +32,7 @@ pub(super) struct Matching {
     pinned: PinnedQos,
     /// Quality of service that would fit the peers, and since when.
     wanted: Option<(Qos, Instant)>,
-    /// True when it has once been fitted to somebody.
+    /// True when it has once been fitted to a peer.
     fitted: bool,
 }
 
@@ -61,7 +61,7 @@ impl Matching {
         now: Instant,
     ) -> Decision {
         if peers.is_empty() {
-            // Those who went may come back as they were; nobody gains by a change meanwhile.
+            // Peers that went may come back as they were; a change meanwhile has no use.
             self.wanted = None;
             return Decision::Keep;
         }

@@ -25,8 +25,8 @@ use self::work::{Answers, Served, Work};
 use super::graph::{
     Graph, GraphError, GraphResult, Notify, ServiceDescription, TopicDescription, ringing,
 };
-use super::node_handle::{NodeHandle, Shared};
-use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
+use super::node_handle::{NodeHandle, NodeState};
+use wrapyfi_endpoint::{Durability, History, Qos, Reliability, Throttle};
 use wrapyfi_node::logger_services::{LoggerService, Loggers};
 use wrapyfi_node::parameters::{ParameterService, ParameterStore};
 use wrapyfi_node::type_description::TypeDescriptions;
@@ -62,7 +62,7 @@ impl NodeEndpoints {
             store.get("start_type_description_service").ok() == Some(&ParameterValue::Bool(true));
         let wake = wrapyfi_endpoint::Wake::new();
         let watch = store.watch(&["use_sim_time"], &wake);
-        let shared = Arc::new(Shared::new(store, RosTime::new(simulated), wake));
+        let shared = Arc::new(NodeState::new(store, RosTime::new(simulated), wake));
         let bell = || ringing(&shared.wake);
         let topic = |name: &str, qos| topic::<Log>(name, qos);
         let rosout = graph.advertise(&topic(LogLine::TOPIC, rosout_qos()), bell())?;
@@ -90,8 +90,18 @@ impl NodeEndpoints {
         let offers_loggers = loggers.is_some();
         tracing::debug!(%node, services = servers.len(), "parameters, log and clock offered");
         let leave = Arc::new(AtomicBool::new(false));
-        let mut work =
-            Work::new(Arc::clone(&shared), Arc::clone(graph), rosout, events, servers, watch);
+        let mut work = Work {
+            shared: Arc::clone(&shared),
+            graph: Arc::clone(graph),
+            rosout,
+            events,
+            servers,
+            clock: None,
+            describes: false,
+            watch,
+            complaints: Throttle::default(),
+            clock_complaints: Throttle::default(),
+        };
         if describes {
             work.describe_own_types(offers_loggers);
         }

@@ -30,7 +30,7 @@ pub(super) fn in_node_thread() {
 }
 
 /// State that the node's thread and the rest of the program share.
-pub(super) struct Shared {
+pub(super) struct NodeState {
     store: Mutex<ParameterStore>,
     types: Mutex<TypeDescriptions>,
     time: Mutex<RosTime>,
@@ -40,7 +40,7 @@ pub(super) struct Shared {
     pub(super) wake: Wake,
 }
 
-impl Shared {
+impl NodeState {
     pub(super) fn new(store: ParameterStore, time: RosTime, wake: Wake) -> Self {
         Self {
             store: Mutex::new(store),
@@ -96,7 +96,7 @@ impl Shared {
 /// A node as the rest of the program uses it. Copies are the same node; they may outlive it, and
 /// do nothing then.
 #[derive(Clone)]
-pub struct NodeHandle(pub(super) Arc<Shared>);
+pub struct NodeHandle(pub(super) Arc<NodeState>);
 
 impl NodeHandle {
     /// Declares, reads, sets or watches parameters. Changes are published on `/parameter_events`.

@@ -1,10 +1,10 @@
 //! Large messages to readers on Fast DDS, one after the other, and so their fragments.
 //!
 //! ```text
-//!   message ─▶ small, or nobody is on Fast DDS ────────────────────────────▶ written
+//!   message ─▶ small, or no reader is on Fast DDS ──────────────────────────▶ written
 //!          └─▶ large ─▶ the large one before it is acknowledged ───────────▶ written, with a pause between fragments
 //!                  └──▶ it is not within MAX_BLOCKING ─▶ dropped, counted; once its time is over: written, and
-//!                       whoever has not acknowledged it is waited for no longer where there are other readers
+//!                       the program that has not acknowledged it is waited for no longer where there are other readers
 //! ```
 //!
 //! A Fast DDS node leaves its receive buffer as the kernel makes it: `net.core.rmem_default`, 212 992
@@ -25,17 +25,13 @@ use super::cyclone::{EndpointFound, RawWriter};
 use super::discovery_info::Gid;
 use super::graph::{NodeWatch, ServiceMapping, TopicDescription};
 use super::vendor;
-use wrapyfi_endpoint::Reliability;
+use wrapyfi_endpoint::{Cause, Reliability};
 
 /// Longest time that a write waits for reliable readers; only keep-all writers wait, the others
 /// overwrite their oldest. A lost acknowledgement is repeated with the next heartbeat, 100 ms later,
 /// so less would drop messages that were about to go; much more would let one stopped subscriber hold
 /// up everything that the same thread propagates.
 pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
-
-/// Words of the reason for which a route is degraded where a subscriber on Fast DDS is left behind; its node stands
-/// before them.
-pub const ACKNOWLEDGES_NOTHING: &str = "acknowledges nothing";
 
 /// Receive buffer in bytes that Linux gives a socket that asks for nothing.
 const RMEM_DEFAULT: usize = 212_992;
@@ -75,7 +71,7 @@ type Nodes = Box<dyn Fn() -> Option<Box<dyn NodeWatch>> + Send>;
 /// Decides when a large message of one writer may go.
 pub(super) struct Pacing {
     nodes: Nodes,
-    /// Watch of the names of nodes, while a reader is to be told of.
+    /// Watch of the names of nodes, while the name of a reader's node is unknown.
     watch: Option<Box<dyn NodeWatch>>,
     /// Topic with the names of DDS.
     topic: TopicDescription,
@@ -161,30 +157,18 @@ impl Pacing {
         (bytes > self.room && !self.readers.is_empty()).then_some(FRAGMENT_PAUSE)
     }
 
-    /// Reason, in words, for which fewer messages go out than are given, or a reader is left behind; `None` where all
-    /// go to all.
-    pub(super) fn slowed(&self) -> Option<String> {
+    /// Cause for which fewer messages go out than are given, or a reader is left behind; `None` where all go to all.
+    pub(super) fn slowed(&self) -> Option<Cause> {
         let (now, bytes) = (Instant::now(), self.last?.bytes);
         let rests =
             |reader: &&FastReader| reader.rests_until.is_some_and(|until| now < until + WINDOW);
-        let (reader, what) = if let Some(resting) = self.readers.iter().find(rests) {
-            let what = format!(
-                "{ACKNOWLEDGES_NOTHING}: it has ended without a word, stands still or is far too slow for messages of \
-                 {bytes} bytes; the other subscribers do not wait for it; end it or start it again, or"
-            );
-            (Some(resting), what)
-        } else if self.load.is_slow(now) {
-            let slowest = self.readers.iter().find(|reader| Some(reader.gid) == self.slowest);
-            let what = format!(
-                "takes longer for messages of {bytes} bytes than there is between two: the newest go, one after the \
-                 other;"
-            );
-            (slowest, what)
-        } else {
-            return None;
-        };
-        let node = reader.and_then(|reader| reader.name.as_deref()).unwrap_or("a subscriber");
-        Some(format!("{node} runs Fast DDS and {what} {}", remedy(bytes)))
+        let name = |reader: Option<&FastReader>| reader.and_then(|reader| reader.name.clone());
+        let remedy = remedy(bytes);
+        if let resting @ Some(_) = self.readers.iter().find(rests) {
+            return Some(Cause::Unacknowledged { reader: name(resting), bytes, remedy });
+        }
+        let slowest = self.readers.iter().find(|reader| Some(reader.gid) == self.slowest);
+        self.load.is_slow(now).then(|| Cause::SlowReader { reader: name(slowest), bytes, remedy })
     }
 
     /// Waits for the readers that have not acknowledged the last message. One that is late holds up the others once:
@@ -257,7 +241,7 @@ impl Pacing {
     /// Finds the names of the readers' nodes, and warns once about each best-effort reader: as soon as the name of its
     /// node is known, or has been waited for.
     fn report(&mut self, bytes: usize, now: Instant) {
-        if self.readers.iter().all(|reader| reader.is_told) {
+        if self.readers.iter().all(|reader| reader.is_told && reader.name.is_some()) {
             self.watch = None;
             return;
         }
@@ -267,10 +251,11 @@ impl Pacing {
         let Some(watch) = &mut self.watch else { return };
         watch.update();
         let topic = super::names::topic_from_dds(&self.topic.name).unwrap_or(&self.topic.name);
-        for reader in self.readers.iter_mut().filter(|reader| !reader.is_told) {
+        for reader in self.readers.iter_mut().filter(|reader| reader.name.is_none()) {
             reader.name = watch.owner(&reader.gid).map(str::to_owned);
-            reader.is_told = reader.name.is_some() || now >= reader.found + NAME_TIMEOUT;
-            if reader.is_told && !reader.is_reliable {
+            let is_due = reader.name.is_some() || now >= reader.found + NAME_TIMEOUT;
+            let is_news = is_due && !std::mem::replace(&mut reader.is_told, is_due);
+            if is_news && !reader.is_reliable {
                 let node = reader.name.as_deref().unwrap_or("a subscriber of an unknown node");
                 let (room, remedy) = (self.room, remedy(bytes));
                 tracing::warn!(

@@ -5,8 +5,7 @@
 //!   DCPSSubscription ─┴──────────▶ PeerIndex { topic ▶ peers } ┴   changes + 1, notify
 //! ```
 //!
-//! One for a node, whatever the number of its topics: an event costs what is known about its own
-//! topic, and wakes only those who asked about that.
+//! One for a node, whatever the number of its topics: an event wakes only those who asked about its topic.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -35,15 +34,11 @@ pub(super) struct PeerIndex {
 
 #[derive(Default)]
 struct Known {
-    sides: HashMap<Side, OneSide>,
+    /// Endpoints, by the side of the topic on which they are and their numbers.
+    peers: BTreeMap<(Side, u64), EndpointFound>,
     /// Side of the topic on which an endpoint is, by the endpoint's number.
     places: HashMap<u64, Side>,
-}
-
-#[derive(Default)]
-struct OneSide {
-    peers: BTreeMap<u64, EndpointFound>,
-    watches: Vec<Weak<Watched>>,
+    watches: Vec<(Side, Weak<Watched>)>,
 }
 
 struct Watched {
@@ -81,15 +76,15 @@ impl PeerIndex {
         publishers: bool,
         notify: Notify,
     ) -> Watch {
-        let (side, watched) = self.add_watch(topic, publishers, notify);
+        let (side, watched) = self.add_watch((topic, publishers), notify);
         Watch { index: self, side, watched, _node: node }
     }
 
-    fn add_watch(&self, topic: String, publishers: bool, notify: Notify) -> (Side, Arc<Watched>) {
+    fn add_watch(&self, side: Side, notify: Notify) -> (Side, Arc<Watched>) {
         let watched = Arc::new(Watched { changes: AtomicU64::new(1), notify });
-        let side = (topic, publishers);
-        let mut known = self.known.lock();
-        known.sides.entry(side.clone()).or_default().watches.push(Arc::downgrade(&watched));
+        let watches = &mut self.known.lock().watches;
+        watches.retain(|(_, watch)| watch.strong_count() > 0);
+        watches.push((side.clone(), Arc::downgrade(&watched)));
         (side, watched)
     }
 
@@ -117,7 +112,7 @@ impl PeerIndex {
     /// Enters an endpoint, or removes it; those to be watched.
     fn apply(&self, number: u64, endpoint: Option<EndpointFound>) -> Vec<Arc<Watched>> {
         let mut known = self.known.lock();
-        let Known { sides, places } = &mut *known;
+        let Known { peers, places, watches } = &mut *known;
         let side = match endpoint {
             Some(endpoint) => {
                 if endpoint.guid.first_chunk::<12>() == self.own.first_chunk() {
@@ -134,23 +129,17 @@ impl PeerIndex {
                 }
                 let side = (endpoint.topic.clone(), endpoint.is_writer);
                 places.insert(number, side.clone());
-                sides.entry(side.clone()).or_default().peers.insert(number, endpoint);
+                peers.insert((side.clone(), number), endpoint);
                 side
             }
             None => {
                 let Some(side) = places.remove(&number) else { return Vec::new() };
-                if let Some(one) = sides.get_mut(&side) {
-                    one.peers.remove(&number);
-                }
+                peers.remove(&(side.clone(), number));
                 side
             }
         };
-        let Some(one) = sides.get_mut(&side) else { return Vec::new() };
-        let watched: Vec<_> = one.watches.iter().filter_map(Weak::upgrade).collect();
-        one.watches.retain(|watch| watch.strong_count() > 0);
-        if one.peers.is_empty() && one.watches.is_empty() {
-            sides.remove(&side);
-        }
+        let meant = watches.iter().filter(|(watched, _)| *watched == side);
+        let watched: Vec<_> = meant.filter_map(|(_, watch)| watch.upgrade()).collect();
         for watch in &watched {
             watch.changes.fetch_add(1, Relaxed);
         }
@@ -158,24 +147,13 @@ impl PeerIndex {
     }
 
     fn peers(&self, side: &Side) -> Vec<DiscoveredEndpoint> {
-        let found: Vec<_> = match self.known.lock().sides.get(side) {
-            Some(one) => one.peers.values().cloned().collect(),
-            None => Vec::new(),
-        };
+        let numbers = (side.clone(), 0)..=(side.clone(), u64::MAX);
+        let found: Vec<_> =
+            self.known.lock().peers.range(numbers).map(|(_, found)| found.clone()).collect();
         let mut peers: Vec<_> =
             found.into_iter().map(|endpoint| discovered(endpoint, &self.own)).collect();
         peers.sort_by_key(|peer| peer.gid);
         peers
-    }
-
-    fn forget(&self, side: &Side, watched: &Arc<Watched>) {
-        let mut known = self.known.lock();
-        if let Some(one) = known.sides.get_mut(side) {
-            one.watches.retain(|watch| watch.as_ptr() != Arc::as_ptr(watched));
-            if one.peers.is_empty() && one.watches.is_empty() {
-                known.sides.remove(side);
-            }
-        }
     }
 }
 
@@ -195,12 +173,6 @@ impl PeerWatch for Watch {
 
     fn changes(&self) -> u64 {
         self.watched.changes.load(Relaxed)
-    }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        self.index.forget(&self.side, &self.watched);
     }
 }
 
@@ -224,7 +196,7 @@ mod tests {
     }
 
     fn watch(index: &PeerIndex, topic: &str, publishers: bool) -> (Side, Arc<Watched>) {
-        index.add_watch(topic.to_owned(), publishers, Arc::new(|| {}))
+        index.add_watch((topic.to_owned(), publishers), Arc::new(|| {}))
     }
 
     #[test]
@@ -264,17 +236,18 @@ mod tests {
     #[test]
     fn nothing_is_left_of_topics_that_are_over() {
         let index = PeerIndex { own: OWN, ..PeerIndex::default() };
-        let (side, watched) = watch(&index, "rt/a", true);
+        drop(watch(&index, "rt/a", true));
         index.apply(1, Some(endpoint("rt/a", true, 1)));
         index.apply(1, None);
-        index.forget(&side, &watched);
         for number in 0..500 {
             index.apply(number, Some(endpoint(&format!("rt/t{number}"), true, 1)));
         }
         for number in 0..500 {
             index.apply(number, None);
         }
+        drop(watch(&index, "rt/b", true));
         let known = index.known.lock();
-        assert!(known.sides.is_empty() && known.places.is_empty());
+        assert!(known.peers.is_empty() && known.places.is_empty());
+        assert_eq!(known.watches.len(), 1, "the watch of a topic that is over is gone");
     }
 }

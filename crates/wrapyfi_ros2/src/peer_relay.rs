@@ -70,7 +70,7 @@ impl Relay {
                 if datagram.starts_with(MAGIC) {
                     for &address in addresses.known(resolve) {
                         for &port in &ports {
-                            // Nobody may be there, or no way to it: the next announcement follows soon.
+                            // There may be no program, or no way to it: the next announcement follows soon.
                             _ = out.send_to(datagram, (address, port));
                         }
                     }

@@ -28,14 +28,13 @@ use super::graph::{
 };
 use super::matching::CALM;
 use super::origins::{MAX_ORIGINS, Origins};
-use super::payload;
-use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{Encoding, MessageType, Payload};
-use wrapyfi_data::{EncodeError, Limits};
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
-    AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
-    Link, PinnedQos, PublishError, Published, Publisher, Qos, QosChange, QosEvent, QosPolicy,
-    Reliability, Review, SampleOrigin, SourceDurability, TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, ForwardingPublisher, History, Link,
+    PublishError, Published, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability, Review,
+    SampleOrigin, SourceDurability, TopicSpec,
 };
 
 /// Time that a new writer has to become known to all subscribers, and an old one to send the
@@ -56,24 +55,18 @@ pub(super) struct Ros2Publisher {
     on_match: Notify,
     context: Context,
     events: EventLog,
-    message_type: MessageType,
+    spec: TopicSpec,
     origins: Origins,
     /// State of the publishers at the other end, whether they keep their last message, where that
     /// is followed.
     source: SourceDurability,
     /// Messages that the writer gives to later readers.
     replay: Replay,
-    follows: bool,
     /// The source is followed again from then on: the last try failed.
     follow_again: Option<Instant>,
     /// True once the log says that there are too many origins.
     warned_full: bool,
-    pinned: PinnedQos,
-    color_order: Encoding,
-    limits: Limits,
-    plugins: Plugins,
     follower: Follower,
-    mark: Option<BridgeMark>,
 }
 
 impl Ros2Publisher {
@@ -90,24 +83,18 @@ impl Ros2Publisher {
         Ok(Self {
             graph: Arc::clone(graph),
             writer: graph.advertise_with(topic, traits, Arc::clone(&on_match))?,
-            mark: spec.mark.clone(),
             new: None,
             old: None,
             topic: topic.clone(),
             on_match,
             context: context.clone(),
             events: EventLog::new(&context.counters, &topic.name, false),
-            message_type: spec.message_type,
             origins: Origins::default(),
             source: SourceDurability::Unknown,
             replay: Replay::History,
-            follows: spec.match_peers,
             follow_again: None,
             warned_full: false,
-            pinned: spec.pinned,
-            color_order: spec.color_order,
-            limits: spec.limits,
-            plugins: spec.plugins.clone(),
+            spec: spec.clone(),
             follower,
         })
     }
@@ -116,7 +103,7 @@ impl Ros2Publisher {
     fn reopen(&mut self, qos: Qos, now: Instant) -> GraphResult<()> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
         let replay = self.wanted_replay();
-        let traits = WriterTraits { replay, mark: self.mark.as_ref() };
+        let traits = WriterTraits { replay, mark: self.spec.mark.as_ref() };
         let writer = self.graph.advertise_with(&topic, traits, Arc::clone(&self.on_match))?;
         self.topic = topic;
         self.replay = replay;
@@ -176,12 +163,12 @@ impl Ros2Publisher {
             reliability: Reliability::Reliable,
             ..self.topic.qos
         };
-        let topic = TopicDescription { qos: self.pinned.apply(qos), ..self.topic.clone() };
+        let topic = TopicDescription { qos: self.spec.pinned.apply(qos), ..self.topic.clone() };
         if topic.qos.durability == Durability::Volatile {
             return Ok(false);
         }
         let on_match = Arc::clone(&self.on_match);
-        let traits = WriterTraits { replay: Replay::Newest(keeps), mark: self.mark.as_ref() };
+        let traits = WriterTraits { replay: Replay::Newest(keeps), mark: self.spec.mark.as_ref() };
         let writer = self.graph.advertise_with(&topic, traits, on_match)?;
         let volatile =
             |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
@@ -195,8 +182,10 @@ impl Ros2Publisher {
     }
 
     fn encode(&self, payload: &Payload) -> Result<CdrParts, EncodeError> {
-        let (order, limits) = (self.color_order, &self.limits);
-        payload::encode(payload, self.message_type, order, limits, &self.plugins)
+        let TopicSpec { message_type, limits, plugins, .. } = &self.spec;
+        let parts = ros::encode(payload, *message_type, plugins)?;
+        EncodeError::check_size(parts.len(), limits.message_bytes)?;
+        Ok(parts)
     }
 
     fn fault(&self, error: GraphError) -> PublishError {
@@ -219,7 +208,7 @@ impl Ros2Publisher {
             self.old = None;
         }
         match self.new.take() {
-            // Nobody hears the old one: there is nothing to wait for.
+            // No program hears the old one: there is nothing to wait for.
             Some((new, due)) if now >= due || self.writer.matched() == 0 => {
                 let old = std::mem::replace(&mut self.writer, new);
                 self.old = Some((old, now + HANDOVER));
@@ -295,7 +284,7 @@ impl ForwardingPublisher for Ros2Publisher {
         // A history that is asked for is one of all.
         let one = self.topic.qos.durability == Durability::TransientLocal
             && self.topic.qos.history == History::KeepLast(1);
-        let kept = self.follows || one;
+        let kept = self.spec.match_peers || one;
         let Some(origin) = origin.filter(|origin| kept && origin.keeps > 0) else {
             return self.publish(payload);
         };
@@ -327,7 +316,7 @@ impl ForwardingPublisher for Ros2Publisher {
     fn follow_source(&mut self, source: SourceDurability) {
         // A policy that is set from outside is not followed. Publishers that are gone may come back
         // as they were.
-        let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
+        let follows = self.spec.match_peers && !self.spec.pinned.holds(QosPolicy::Durability);
         let is_news = match source {
             SourceDurability::Unknown => false,
             SourceDurability::NoPublisher => self.source == SourceDurability::Unknown,

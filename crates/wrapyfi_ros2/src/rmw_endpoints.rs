@@ -13,7 +13,7 @@ use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
     GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription,
 };
-use super::rmw_graph::Shared;
+use super::rmw_graph::RmwState;
 use super::rmw_hashes::hash_from_text;
 use super::rmw_marks::Marked;
 use wrapyfi_endpoint::{History, Qos};
@@ -23,7 +23,7 @@ use wrapyfi_endpoint::{History, Qos};
 const MAX_BLOCKING_MS: u64 = 100;
 
 /// Time for which a server stays after its last reply. The client's reader may not have matched it yet: the reply is sent
-/// again when it does, unless the server has gone. rmw tells nobody whether a reply has arrived.
+/// again when it does, unless the server has gone. rmw does not tell whether a reply has arrived.
 const REPLY_LINGER: Duration = Duration::from_millis(500);
 
 pub(super) struct RmwWriter {
@@ -57,7 +57,7 @@ pub(super) struct RmwReader {
     pub(super) max_bytes: usize,
     pub(super) lost: u64,
     pub(super) returned: Cell<QosEvents>,
-    pub(super) shared: Arc<Shared>,
+    pub(super) shared: Arc<RmwState>,
 }
 
 impl RmwReader {

@@ -34,10 +34,10 @@ use wrapyfi_node::NodeName;
 
 /// A node on the rmw that is loaded.
 #[derive(Clone)]
-pub struct RmwGraph(Arc<Shared>);
+pub struct RmwGraph(Arc<RmwState>);
 
 /// State that the endpoints of a node share.
-pub(super) struct Shared {
+pub(super) struct RmwState {
     name: NodeName,
     pub(super) node: Node,
     /// Endpoints whose nodes or marks are not known yet, and since when they are.
@@ -105,13 +105,13 @@ impl RmwGraph {
         let is_dds = implementation != "rmw_zenoh_cpp";
         let publishers = Publishers::default();
         let (name, marks, nameless) = (config.node.clone(), Arc::default(), Mutex::default());
-        Ok(Self(Arc::new(Shared { name, node, nameless, marks, mapping, is_dds, publishers })))
+        Ok(Self(Arc::new(RmwState { name, node, nameless, marks, mapping, is_dds, publishers })))
     }
 }
 
 impl RmwGraph {
     /// Tells other bridges of the mark of endpoints, as long as the returned value lives.
-    fn mark(&self, mark: &BridgeMark, ends: Vec<rmw_marks::End>) -> Marked {
+    fn mark(&self, mark: &BridgeMark, ends: Vec<rmw_marks::EndpointKey>) -> Marked {
         self.join_marks();
         self.0.marks.put(mark, ends)
     }
@@ -262,7 +262,7 @@ impl Graph for RmwGraph {
     }
 }
 
-impl Shared {
+impl RmwState {
     /// A topic as the middleware spells it: only DDS has prefixes.
     pub(super) fn spelled(&self, topic: &str) -> String {
         if self.is_dds { names::topic_to_dds(topic) } else { topic.to_owned() }
@@ -371,7 +371,7 @@ const NAMES_COME: Duration = Duration::from_millis(500);
 
 /// Endpoints that are known of one side of a topic.
 struct Watched {
-    shared: Arc<Shared>,
+    shared: Arc<RmwState>,
     topic: String,
     side: EndpointType,
     peers: Mutex<Vec<DiscoveredEndpoint>>,
@@ -417,7 +417,7 @@ impl PeerWatch for Watch {
 
 /// Owners of the endpoints, as of the change of the graph that was seen last.
 struct Nodes {
-    shared: Arc<Shared>,
+    shared: Arc<RmwState>,
     seen: u64,
     owners: HashMap<Gid, String>,
 }

@@ -32,16 +32,16 @@ const MAX_BYTES: usize = 4 << 20;
 const MAX_BRIDGES: usize = 256;
 
 /// An endpoint of a node: true for a publisher, and its topic as the middleware spells it.
-pub(super) type End = (bool, String);
+pub(super) type EndpointKey = (bool, String);
 
 /// Marks of the own endpoints, and those that others have told.
 #[derive(Default)]
 pub(super) struct Marks {
     told: OnceLock<Option<Told>>,
     /// Own endpoints, each with the number of those that have the mark.
-    own: Mutex<BTreeMap<End, (BridgeMark, usize)>>,
+    own: Mutex<BTreeMap<EndpointKey, (BridgeMark, usize)>>,
     /// Endpoints of other bridges, by node.
-    heard: Mutex<HashMap<String, HashMap<End, BridgeMark>>>,
+    heard: Mutex<HashMap<String, HashMap<EndpointKey, BridgeMark>>>,
     looks: Mutex<Vec<Weak<Notify>>>,
 }
 
@@ -108,12 +108,12 @@ impl Marks {
     }
 
     /// Mark of an endpoint of a node.
-    pub(super) fn of(&self, node: &str, end: &End) -> Option<BridgeMark> {
+    pub(super) fn of(&self, node: &str, end: &EndpointKey) -> Option<BridgeMark> {
         self.heard.lock().get(node)?.get(end).cloned()
     }
 
     /// Tells the others of the mark of own endpoints, until the returned value is dropped.
-    pub(super) fn put(self: &Arc<Self>, mark: &BridgeMark, ends: Vec<End>) -> Marked {
+    pub(super) fn put(self: &Arc<Self>, mark: &BridgeMark, ends: Vec<EndpointKey>) -> Marked {
         let mut own = self.own.lock();
         for end in &ends {
             let (known, count) = own.entry(end.clone()).or_insert_with(|| (mark.clone(), 0));
@@ -124,7 +124,7 @@ impl Marks {
         Marked { marks: Arc::clone(self), ends }
     }
 
-    fn tell(&self, own: &BTreeMap<End, (BridgeMark, usize)>) {
+    fn tell(&self, own: &BTreeMap<EndpointKey, (BridgeMark, usize)>) {
         let Some(Some(told)) = self.told.get() else { return };
         let text = Text { data: written(&told.node, own) };
         let cdr = text.encode();
@@ -154,7 +154,7 @@ impl Told {
 /// Own endpoints of which the others are told.
 pub(super) struct Marked {
     marks: Arc<Marks>,
-    ends: Vec<End>,
+    ends: Vec<EndpointKey>,
 }
 
 impl Drop for Marked {
@@ -177,7 +177,7 @@ pub(super) fn bridge<'n>(name: &str, namespace: &'n str) -> Option<&'n str> {
     (name == NODE).then_some(namespace)
 }
 
-fn written(node: &str, own: &BTreeMap<End, (BridgeMark, usize)>) -> String {
+fn written(node: &str, own: &BTreeMap<EndpointKey, (BridgeMark, usize)>) -> String {
     let mut text = node.to_owned();
     for ((is_publisher, topic), (mark, _)) in own {
         let side = if *is_publisher { 'P' } else { 'S' };
@@ -188,7 +188,7 @@ fn written(node: &str, own: &BTreeMap<End, (BridgeMark, usize)>) -> String {
 }
 
 /// Node and marked endpoints of a message; lines that cannot be read are passed over.
-fn read(text: &str) -> Option<(&str, HashMap<End, BridgeMark>)> {
+fn read(text: &str) -> Option<(&str, HashMap<EndpointKey, BridgeMark>)> {
     let mut lines = text.lines();
     let node = lines.next().filter(|node| node.starts_with('/'))?;
     let ends = lines.filter_map(|line| {

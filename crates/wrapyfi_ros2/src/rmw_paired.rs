@@ -22,7 +22,7 @@ use super::graph::{
 };
 use super::names;
 use super::rmw_endpoints::{service_qos, uncreated, unsent};
-use super::rmw_graph::Shared;
+use super::rmw_graph::RmwState;
 use super::rmw_hashes::hash_from_text;
 use super::rmw_marks::Marked;
 use super::service_header::{self, HEADER, Identified, LEAST};
@@ -129,7 +129,7 @@ pub(super) struct PairedClient {
 
 impl PairedClient {
     pub(super) fn new(
-        shared: &Shared,
+        shared: &RmwState,
         service: &ServiceDescription,
         on_event: &Notify,
     ) -> GraphResult<Self> {
@@ -171,7 +171,7 @@ impl CdrClient for PairedClient {
 
 pub(super) struct PairedServer {
     ends: Ends,
-    shared: Arc<Shared>,
+    shared: Arc<RmwState>,
     /// DDS topics of requests and of replies.
     topics: [String; 2],
     /// True when all clients hear replies, with the change of the graph for which that holds.
@@ -183,7 +183,7 @@ pub(super) struct PairedServer {
 
 impl PairedServer {
     pub(super) fn new(
-        shared: &Arc<Shared>,
+        shared: &Arc<RmwState>,
         service: &ServiceDescription,
         marked: Option<Marked>,
         on_event: &Notify,

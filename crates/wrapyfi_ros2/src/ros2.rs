@@ -6,11 +6,11 @@ use super::adapter::Joined;
 use super::diagnosis::Names;
 use super::graph::{Graph, TopicDescription};
 use wrapyfi_endpoint::codec::ros;
-use wrapyfi_endpoint::{OpenError, OpenResult, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{ActionSpec, OpenError, OpenResult, ServiceSpec, TopicSpec};
 use wrapyfi_node::NodeName;
 
 /// Name of this middleware in addresses.
-pub(super) const NAME: &str = "ros2";
+pub const NAME: &str = "ros2";
 
 type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 
@@ -68,6 +68,11 @@ impl Ros2 {
         let name = (self.remap)(&expanded).map_err(invalid)?;
         NodeName::check_topic(&name).map_err(|error| invalid(error.to_string()))?;
         Ok(name)
+    }
+
+    /// The action that `spec` means, by its absolute name.
+    pub(super) fn resolved(&self, spec: &ActionSpec) -> OpenResult<ActionSpec> {
+        Ok(ActionSpec { action: self.resolve(&spec.action)?, ..spec.clone() })
     }
 
     /// Topic that `spec` means, as the graph wants it.

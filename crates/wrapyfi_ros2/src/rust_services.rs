@@ -50,8 +50,8 @@ pub use announce::ServiceEndpoints;
 pub use settings::RustServicesError;
 
 use self::client::{Client, Endpoints};
-use self::end::End;
-use self::participant::{Participant, Shared, Topics};
+use self::end::ReopenedEndpoints;
+use self::participant::{Participant, ServicesState, Topics};
 use self::server::Server;
 use self::settings::Settings;
 use super::config::CycloneConfig;
@@ -67,7 +67,7 @@ use wrapyfi_node::NodeName;
 /// Dropping it leaves its clients and servers alive; the last of them ends the participant, which
 /// takes a few hundred milliseconds.
 #[derive(Clone)]
-pub struct RustServices(Arc<Shared>);
+pub struct RustServices(Arc<ServicesState>);
 
 impl RustServices {
     /// Services of the node that `config` describes: on its domain, within its discovery range, on
@@ -80,7 +80,7 @@ impl RustServices {
         for warning in &settings.warnings {
             match config.services {
                 Some(_) => tracing::warn!("{warning}"),
-                // Nobody asked for this mapping.
+                // The user has not asked for this mapping.
                 None => tracing::info!("{warning}"),
             }
         }
@@ -89,13 +89,13 @@ impl RustServices {
 
     /// Services of the same node on another participant.
     #[must_use]
-    pub fn apart(&self) -> Self {
+    pub fn on_another_participant(&self) -> Self {
         let settings = Settings { place: self.0.settings.place + 1, ..self.0.settings.clone() };
         Self::with(settings, Arc::clone(&self.0.is_told))
     }
 
     fn with(settings: Settings, is_told: Arc<Mutex<bool>>) -> Self {
-        Self(Arc::new(Shared {
+        Self(Arc::new(ServicesState {
             settings,
             is_told,
             participant: Mutex::default(),
@@ -115,10 +115,9 @@ impl RustServices {
     }
 
     /// Calls `on_change` now and after every service that comes or goes, in order, with what exists
-    /// then; of changes at the same time with the last. It may use these services in any way, but
-    /// whoever creates or drops one waits for it.
+    /// then. The program that creates or drops a service waits for it, so it must not create or drop one itself.
     pub fn on_change(&self, on_change: impl Fn(&ServiceEndpoints) + Send + Sync + 'static) {
-        self.0.changes.notify_by(Arc::new(on_change));
+        self.0.changes.notify_by(Box::new(on_change));
     }
 
     /// Creates a client and announces it. `on_event` is called from a thread of the services when
@@ -150,7 +149,12 @@ impl RustServices {
     pub fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
         let ServiceNames { requests, replies } = dds_names(service)?;
         let topics = Topics { written: replies, read: requests, service: service.clone() };
-        Ok(Box::new(Server::new(End::open(&self.0, "creating a server", topics, on_event)?)))
+        Ok(Box::new(Server::new(ReopenedEndpoints::open(
+            &self.0,
+            "creating a server",
+            topics,
+            on_event,
+        )?)))
     }
 
     fn existing(&self) -> Option<Arc<Participant>> {

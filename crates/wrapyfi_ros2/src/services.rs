@@ -36,7 +36,9 @@ impl Services {
     pub(super) fn new(config: &CycloneConfig) -> Self {
         let on_rustdds = match config.services {
             Some(ServiceMapping::Cyclone) => None,
-            _ => Some(RustServices::new(config).map(|own| [own.clone(), own.apart()])),
+            _ => Some(
+                RustServices::new(config).map(|own| [own.clone(), own.on_another_participant()]),
+            ),
         };
         let (mapping, on_rustdds) = match (config.services, on_rustdds) {
             // What was not asked for may be missing.

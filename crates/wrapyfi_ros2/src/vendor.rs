@@ -12,7 +12,7 @@ use super::graph::{Peers, ServiceMapping};
 
 /// Longest time that a writer of our services on RustDDS waits. Their endpoints announce it, and by it others know
 /// that they speak the mapping of Fast DDS: RustDDS announces no USER_DATA, and programs on it may speak either. It is
-/// a time that nobody else would choose.
+/// a time that no other program would choose.
 pub(super) const RUST_SERVICES_BLOCKING: Duration = Duration::from_millis(503);
 
 /// The mapping that the owner of an endpoint speaks, where its GUID tells: the first two bytes name

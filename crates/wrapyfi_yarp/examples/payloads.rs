@@ -11,10 +11,10 @@ use std::error::Error;
 
 use bytes::Bytes;
 use wrapyfi_yarp::sig::{Image, PixelCode, Rows, Stamp};
-use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+use wrapyfi_yarp::{Bottle, Dialect, Value, WireLimits};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let limits = Limits::default();
+    let limits = WireLimits::default();
 
     // A command to a motor of an iCub, from its parts.
     let mut command = Bottle::new();
@@ -39,9 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let read = Image::decode(&payload, Rows::Announced, &limits)?;
     println!(
         "{} x {} pixels {}, {} bytes from row to row",
-        read.width(),
-        read.height(),
-        read.pixel(),
+        read.header().width,
+        read.header().height,
+        read.header().pixel,
         read.header().stride
     );
     for row in read.rows() {

@@ -16,11 +16,11 @@
 //!
 //! ```
 //! use bytes::Bytes;
-//! use wrapyfi_yarp::{Bottle, Dialect, Limits};
+//! use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 //!
-//! let bottle = Bottle::from_text(b"[set] pos 2 (fast true)", &Limits::default())?;
+//! let bottle = Bottle::from_text(b"[set] pos 2 (fast true)", &WireLimits::default())?;
 //! let bytes = Bytes::from(bottle.encode(Dialect::V3)?);
-//! let (again, _) = Bottle::decode(&bytes, Dialect::V3, &Limits::default())?;
+//! let (again, _) = Bottle::decode(&bytes, Dialect::V3, &WireLimits::default())?;
 //! assert_eq!(again.find("pos").and_then(|value| value.as_i64()), Some(2));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -36,4 +36,4 @@ pub mod wire;
 
 pub use bottle::{Bottle, Value};
 pub use dialect::Dialect;
-pub use limits::Limits;
+pub use limits::WireLimits;

@@ -2,11 +2,11 @@
 
 /// Bounds on what peers may send. YARP itself has none: every length on its wire is believed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Limits {
+pub struct WireLimits {
     /// Longest message, in bytes: command and payload together.
     pub max_message_bytes: usize,
     /// Deepest nesting of lists in a bottle; a list without lists has depth 1. Values above
-    /// [`Limits::DEPTH_CEILING`] count as that.
+    /// [`WireLimits::DEPTH_CEILING`] count as that.
     pub max_depth: usize,
     /// Most values in one bottle, those of nested lists included. A value takes 40 bytes of
     /// memory, however short it is on the wire.
@@ -19,8 +19,8 @@ pub struct Limits {
     pub max_connections: usize,
 }
 
-impl Limits {
-    /// Depth above which [`Limits::max_depth`] is not followed: readers use the stack.
+impl WireLimits {
+    /// Depth above which [`WireLimits::max_depth`] is not followed: readers use the stack.
     pub const DEPTH_CEILING: usize = 256;
 
     /// The depth that holds.
@@ -29,7 +29,7 @@ impl Limits {
     }
 }
 
-impl Default for Limits {
+impl Default for WireLimits {
     fn default() -> Self {
         Self {
             max_message_bytes: 64 << 20,

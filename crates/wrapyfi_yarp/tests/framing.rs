@@ -2,30 +2,30 @@
 
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
-use wrapyfi_yarp::Limits;
+use wrapyfi_yarp::WireLimits;
 use wrapyfi_yarp::wire::datagram::{self, Assembler};
 use wrapyfi_yarp::wire::header;
 use wrapyfi_yarp::wire::message::{self, MessageReader};
 use wrapyfi_yarp::wire::mjpeg::{self, MjpegReader};
 use wrapyfi_yarp::wire::text::{self, TextReader};
-use wrapyfi_yarp::wire::{Carrier, Command, Fault, Opening, Sender, Step, admin};
+use wrapyfi_yarp::wire::{Carrier, Command, Fault, Opening, Progress, Sender, admin};
 
-fn limits() -> Limits {
-    Limits { max_message_bytes: 4096, max_line_bytes: 256, ..Limits::default() }
+fn limits() -> WireLimits {
+    WireLimits { max_message_bytes: 4096, max_line_bytes: 256, ..WireLimits::default() }
 }
 
 /// Everything that a reader finds in `bytes`, which come in pieces of the given lengths.
 fn found<T: std::fmt::Debug>(
     bytes: &[u8],
     pieces: &[usize],
-    mut poll: impl FnMut(&mut BytesMut) -> Result<Step<T>, Fault>,
+    mut poll: impl FnMut(&mut BytesMut) -> Result<Progress<T>, Fault>,
 ) -> Vec<String> {
     let (mut buffer, mut rest, mut events) = (BytesMut::new(), bytes, Vec::new());
     let mut pieces = pieces.iter().cycle();
     loop {
         match poll(&mut buffer) {
-            Ok(Step::Event(event)) => events.push(format!("{event:?}")),
-            Ok(Step::Need(more)) => {
+            Ok(Progress::Event(event)) => events.push(format!("{event:?}")),
+            Ok(Progress::Need(more)) => {
                 assert!(more > 0, "a reader that needs nothing would go round for ever");
                 assert!(more <= 64 * 1024, "{more} bytes are beyond every limit");
                 if rest.is_empty() {
@@ -117,8 +117,8 @@ proptest! {
         let opening = bytes.iter().find_map(|&byte| {
             buffer.extend_from_slice(&[byte]);
             match Opening::poll(&mut buffer, &limits()).unwrap() {
-                Step::Event(opening) => Some(opening),
-                Step::Need(_) => None,
+                Progress::Event(opening) => Some(opening),
+                Progress::Need(_) => None,
             }
         });
         let text = format!("{:?}", opening.unwrap());
@@ -186,7 +186,7 @@ proptest! {
     }
 }
 
-fn read_one(bytes: &[u8]) -> Result<Step<message::Found>, Fault> {
+fn read_one(bytes: &[u8]) -> Result<Progress<message::Found>, Fault> {
     MessageReader::new(&limits()).poll(&mut BytesMut::from(bytes))
 }
 
@@ -209,9 +209,9 @@ fn lengths_that_lie_are_refused_before_anything_is_kept() {
     let huge = index(&vec![i32::MAX; 255]);
     assert!(matches!(read_one(&huge), Err(Fault::MessageTooLarge { .. })));
     let left = message::Found::Left(Fault::BadCommand(4));
-    assert_eq!(read_one(&index(&[4])), Ok(Step::Event(left)));
+    assert_eq!(read_one(&index(&[4])), Ok(Progress::Event(left)));
     let none = message::Found::Left(Fault::BadCommand(0));
-    assert_eq!(read_one(&index(&[])), Ok(Step::Event(none)));
+    assert_eq!(read_one(&index(&[])), Ok(Progress::Event(none)));
 }
 
 #[test]
@@ -219,14 +219,14 @@ fn names_that_lie_are_refused() {
     for length in [-1, 0, 1001, i32::MAX] {
         let mut bytes = b"YA\xe4\x1e\0\0RP".to_vec();
         bytes.extend(i32::to_le_bytes(length));
-        let fault = Opening::poll(&mut BytesMut::from(&bytes[..]), &Limits::default());
+        let fault = Opening::poll(&mut BytesMut::from(&bytes[..]), &WireLimits::default());
         assert_eq!(fault, Err(Fault::NameLength { length: i64::from(length), limit: 1000 }));
     }
     let mut buffer = BytesMut::from("CONNECT ");
     buffer.extend_from_slice(&[b'x'; 1100]);
-    assert!(Opening::poll(&mut buffer, &Limits::default()).is_err());
+    assert!(Opening::poll(&mut buffer, &WireLimits::default()).is_err());
     let long = Sender::new("x".repeat(1000));
-    assert!(header::encode(Carrier::Tcp, &long, &Limits::default()).is_err());
+    assert!(header::encode(Carrier::Tcp, &long, &WireLimits::default()).is_err());
 }
 
 #[test]
@@ -245,7 +245,9 @@ fn a_command_text_without_end_is_left_out() {
     bytes.truncate(34 - 8 + 20);
     bytes.extend(message::quit());
     let mut buffer = BytesMut::from(&bytes[..]);
-    assert_eq!(reader.poll(&mut buffer), Ok(Step::Event(left)));
-    let Ok(Step::Event(message::Found::Message(quit))) = reader.poll(&mut buffer) else { panic!() };
+    assert_eq!(reader.poll(&mut buffer), Ok(Progress::Event(left)));
+    let Ok(Progress::Event(message::Found::Message(quit))) = reader.poll(&mut buffer) else {
+        panic!()
+    };
     assert_eq!(quit.command, Command::Quit);
 }

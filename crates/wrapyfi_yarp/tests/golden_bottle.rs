@@ -3,10 +3,10 @@
 use crate::golden::{bytes, cases, payloads, text};
 use bytes::Bytes;
 use wrapyfi_yarp::bottle::{BottleError, Frame, Vocab64};
-use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+use wrapyfi_yarp::{Bottle, Dialect, Value, WireLimits};
 
-fn limits() -> Limits {
-    Limits::default()
+fn limits() -> WireLimits {
+    WireLimits::default()
 }
 
 fn check(file: &str, dialect: Dialect) {

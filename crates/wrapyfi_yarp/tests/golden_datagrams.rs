@@ -9,8 +9,8 @@ use crate::names::NameTable;
 use bytes::Bytes;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
-use wrapyfi_yarp::Limits;
-use wrapyfi_yarp::port::{Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload};
+use wrapyfi_yarp::WireLimits;
+use wrapyfi_yarp::port::{Message, Network, NetworkOptions, Port, PortOptions, PortPayload};
 use wrapyfi_yarp::wire::datagram::Assembler;
 use wrapyfi_yarp::wire::{Body, Command, header, number};
 
@@ -32,7 +32,7 @@ async fn reader() -> InputPort {
 
 /// The messages of a file: envelope and payload.
 fn messages(name: &str) -> Vec<(Option<Bytes>, Bytes)> {
-    let mut assembler = Assembler::new(&Limits::default());
+    let mut assembler = Assembler::new(&WireLimits::default());
     let all = datagrams(&format!("{name}.json"));
     let mut found = Vec::new();
     for datagram in all {
@@ -58,7 +58,7 @@ async fn has_received(port: &InputPort, name: &str) {
         let received = within(port.recv()).await.unwrap();
         assert_eq!((received.envelope, received.payload.bytes), expected, "{name}");
     }
-    assert_eq!(port.counters().all(), [].into(), "{name}");
+    assert_eq!(port.fault_counts().all(), [].into(), "{name}");
 }
 
 #[tokio::test]
@@ -104,7 +104,7 @@ async fn our_reader_joins_the_group_of_yarp() {
 }
 
 /// A writer of the recorded name, and what connects it to a listener in our hands.
-async fn writer(name: &str) -> (OutputPort, TcpListener) {
+async fn writer(name: &str) -> (Port, TcpListener) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let names = NameTable::new().with("/golden/dst", listener.local_addr().unwrap());
     let header = header_of(name);
@@ -114,7 +114,7 @@ async fn writer(name: &str) -> (OutputPort, TcpListener) {
 }
 
 /// Writes what was recorded; the datagrams must be those that were recorded.
-async fn write(port: &OutputPort, socket: &UdpSocket, name: &str) {
+async fn write(port: &Port, socket: &UdpSocket, name: &str) {
     for (envelope, payload) in messages(name) {
         let written = port.write(Message {
             payload: PortPayload::object(payload),
@@ -131,7 +131,7 @@ async fn write(port: &OutputPort, socket: &UdpSocket, name: &str) {
 }
 
 /// Asserts that a sender of datagrams says goodbye when it closes.
-async fn expect_goodbye(listener: &TcpListener, port: OutputPort, name: &str) {
+async fn expect_goodbye(listener: &TcpListener, port: Port, name: &str) {
     let own = port.name().to_owned();
     let closing = tokio::spawn(port.close());
     let (mut stream, _) = within(listener.accept()).await.unwrap();

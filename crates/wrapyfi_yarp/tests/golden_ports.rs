@@ -13,10 +13,10 @@ use crate::queued::queued;
 use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload, Received,
+    Answer, Message, Network, NetworkOptions, Port, PortOptions, PortPayload, Received,
 };
 use wrapyfi_yarp::wire::number;
-use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+use wrapyfi_yarp::{Bottle, Dialect, Value, WireLimits};
 
 fn network(names: NameTable, dialect: Dialect) -> Network {
     let (listen, names) = ([127, 0, 0, 1].into(), Arc::new(names));
@@ -24,7 +24,7 @@ fn network(names: NameTable, dialect: Dialect) -> Network {
 }
 
 fn bottle(text: &str) -> Bottle {
-    Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
+    Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap()
 }
 
 async fn within<T>(future: impl Future<Output = T>) -> T {
@@ -123,7 +123,7 @@ async fn our_reader_answers_as_yarp() {
             // YARP acknowledges what it cannot decode, and is out of step from then on. The
             // declared length keeps us in step: the message behind is acknowledged, too.
             "bad_bottle_code" => steps.insert(5, ack),
-            // The same after a message without a command, which nobody acknowledges.
+            // The same after a message without a command, which is not acknowledged.
             "bad_command" => steps.insert(4, ack),
             _ => {}
         }
@@ -132,13 +132,13 @@ async fn our_reader_answers_as_yarp() {
             // YARP believes the payload, which is longer than declared. We cut it there, and find
             // the next message behind the rest.
             assert_eq!(sent[0].payload, Bytes::from_static(&[1, 1, 0, 0]));
-            assert_eq!(port.counters().get("no_index"), 1);
+            assert_eq!(port.fault_counts().get("no_index"), 1);
         }
         if name == "bad_index" {
-            assert_eq!(port.counters().get("no_index"), 1);
+            assert_eq!(port.fault_counts().get("no_index"), 1);
         }
         if name == "bad_command" {
-            assert_eq!(port.counters().get("bad_command"), 1);
+            assert_eq!(port.fault_counts().get("bad_command"), 1);
         }
         if name.starts_with("text") {
             // Numbers, which text gives no type, come as our own reading of the text says.
@@ -171,7 +171,7 @@ async fn our_reader_outlives_the_other_dialect() {
         let (port, sent) = read_by_us(name, three_acks(name), dialect).await;
         let found = received(&port, sent.len()).await;
         assert_eq!(found, with_sticky_envelopes(&sent), "{name}");
-        assert_eq!(port.counters().all(), [].into(), "{name}");
+        assert_eq!(port.fault_counts().all(), [].into(), "{name}");
     }
 }
 
@@ -182,7 +182,7 @@ async fn our_reader_drops_what_is_cut_short() {
     let mut steps = parts("bad_short_payload.json");
     steps.retain(|step| *step != Part::Server(number::ACK.to_vec()));
     let (port, _) = read_by_us("bad_short_payload", steps, Dialect::V3).await;
-    assert_eq!(port.counters().get("truncated"), 1);
+    assert_eq!(port.fault_counts().get("truncated"), 1);
     assert_eq!(port.received(), 0);
 }
 
@@ -222,7 +222,7 @@ async fn our_reader_refuses_what_it_lacks() {
             play_client(&mut stream, &steps, name).await;
             (port, ())
         };
-        assert_eq!(port.counters().get(counted), 1, "{name}: {:?}", port.counters().all());
+        assert_eq!(port.fault_counts().get(counted), 1, "{name}: {:?}", port.fault_counts().all());
         assert_eq!(port.received(), 0, "{name}");
     }
 }
@@ -426,7 +426,7 @@ async fn a_client_over_udp_is_refused() {
 }
 
 /// A port as in the administrative captures, with a reader that it can connect to.
-async fn subject(network: &Network) -> (Reading<OutputPort>, InputPort) {
+async fn subject(network: &Network) -> (Reading<Port>, InputPort) {
     (both_ways(network, "/golden/subj", 100).await, input(network, "/golden/dst2", 100).await)
 }
 
@@ -492,11 +492,7 @@ async fn a_text_peer_turns_its_connection_around() {
     within(connected.wait_for(|now| now.outputs == 0)).await.unwrap();
 }
 
-async fn play_text_reader(
-    stream: &mut TcpStream,
-    port: &wrapyfi_yarp::port::OutputPort,
-    steps: &[Part],
-) {
+async fn play_text_reader(stream: &mut TcpStream, port: &wrapyfi_yarp::port::Port, steps: &[Part]) {
     use tokio::io::AsyncWriteExt;
     for step in steps {
         match step {

@@ -3,10 +3,10 @@
 use crate::golden::{bytes, cases, packed, payloads, text, with_quantum};
 use bytes::Bytes;
 use wrapyfi_yarp::sig::{Image, Matrix, PixelCode, Rows, Sound, Stamp, Vector};
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
-fn limits() -> Limits {
-    Limits::default()
+fn limits() -> WireLimits {
+    WireLimits::default()
 }
 
 /// The flag beside an image's quantum: YARP 3.10 to 3.12 write 1 and ignore it, 3.9 and older take
@@ -85,7 +85,10 @@ fn pixels_of_corpus_sig() {
     let case = cases("corpus_sig.json").into_iter().find(|case| case["name"] == "img_rgb:3:2");
     let image =
         Image::decode(&bytes(&case.unwrap(), "binary"), Rows::Announced, &limits()).unwrap();
-    assert_eq!((image.pixel(), image.width(), image.height()), (PixelCode::Rgb, 3, 2));
+    assert_eq!(
+        (image.header().pixel, image.header().width, image.header().height),
+        (PixelCode::Rgb, 3, 2)
+    );
     assert_eq!(image.header().stride, 16);
     assert_eq!(image.row(0).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8, 9]);
     assert_eq!(image.row(1).unwrap(), [17, 18, 19, 20, 21, 22, 23, 24, 25]);
@@ -152,7 +155,10 @@ fn vector_matrix_stamp_tcp() {
 fn wrapyfi_image_rgb() {
     let pixels = |payload: &Bytes| {
         let image = Image::decode(payload, Rows::Packed, &limits()).unwrap();
-        assert_eq!((image.pixel(), image.width(), image.height()), (PixelCode::Rgb, 7, 3));
+        assert_eq!(
+            (image.header().pixel, image.header().width, image.header().height),
+            (PixelCode::Rgb, 7, 3)
+        );
         (packed(&image), image)
     };
     for (index, payload) in payloads("wrapyfi_image_rgb.json", "c2s").iter().enumerate() {
@@ -178,7 +184,7 @@ fn wrapyfi_images_of_other_pixels() {
     ] {
         for payload in payloads(file, "c2s") {
             let image = Image::decode(&payload, Rows::Packed, &limits()).unwrap();
-            assert_eq!((image.pixel(), image.height()), (pixel, 3), "{file}");
+            assert_eq!((image.header().pixel, image.header().height), (pixel, 3), "{file}");
             assert_eq!(image.row(2).unwrap().len(), row_bytes, "{file}");
         }
     }

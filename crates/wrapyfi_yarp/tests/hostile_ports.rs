@@ -13,7 +13,7 @@ use wrapyfi_yarp::port::{
     RpcError, Timeouts, Written,
 };
 use wrapyfi_yarp::wire::{mjpeg, number};
-use wrapyfi_yarp::{Bottle, Limits};
+use wrapyfi_yarp::{Bottle, WireLimits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -50,7 +50,7 @@ async fn offend_once_more(port: &InputPort, bytes: &[u8], counted: &str, count: 
     // The port may close before all is written.
     stream.write_all(bytes).await.ok();
     within(async {
-        while port.counters().get(counted) < count {
+        while port.fault_counts().get(counted) < count {
             tokio::task::yield_now().await;
         }
     })
@@ -82,7 +82,7 @@ fn index(lengths: &[i32]) -> Vec<u8> {
 
 #[tokio::test]
 async fn what_cannot_be_trusted_is_closed_and_counted() {
-    let limits = Limits { max_line_bytes: 4096, ..Limits::default() };
+    let limits = WireLimits { max_line_bytes: 4096, ..WireLimits::default() };
     let network = Network::new(NetworkOptions { limits, ..options() });
     let endless = [b"CONNECT x\nd\n".to_vec(), vec![b'('; 10_000]].concat();
     let name = [b"CONNECT ".to_vec(), vec![b'x'; 2000]].concat();
@@ -112,17 +112,17 @@ async fn half_open_connections_end() {
     let port = port(&network).await;
     for start in [&b""[..], b"YA\xe4", HEADER.split_at(14).0, b"CONNECT me", b"GET / HTTP/1.1\r\n"]
     {
-        let before = port.counters().get("handshake_timeout");
+        let before = port.fault_counts().get("handshake_timeout");
         let mut stream = TcpStream::connect(port.address()).await.unwrap();
         stream.write_all(start).await.unwrap();
         is_closed(stream).await;
-        assert_eq!(port.counters().get("handshake_timeout"), before + 1, "{start:?}");
+        assert_eq!(port.fault_counts().get("handshake_timeout"), before + 1, "{start:?}");
     }
     // Closing without a word is how tools look whether a port lives.
     let silent = TcpStream::connect(port.address()).await.unwrap();
     drop(silent);
     serves(&port, &network).await;
-    assert_eq!(port.counters().all().len(), 1);
+    assert_eq!(port.fault_counts().all().len(), 1);
 }
 
 #[tokio::test]
@@ -193,7 +193,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
     let large = Message::new(PortPayload::object(vec![0; 2 << 20]));
     // A datagram may be lost, and its message with it.
     let written = async {
-        while port.counters().get("over_budget") == 0 {
+        while port.fault_counts().get("over_budget") == 0 {
             writer.write(large.clone());
             writer.flush().await;
         }
@@ -220,10 +220,10 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
         stream.write_all(&vec![0; (2 << 20) - 1]).await.ok();
         is_closed(stream).await;
     });
-    let add = Bottle::from_text(b"[add] mjpeg://cam", &Limits::default()).unwrap();
+    let add = Bottle::from_text(b"[add] mjpeg://cam", &WireLimits::default()).unwrap();
     network.admin("/view", &add).await.unwrap();
     within(pictures).await.unwrap();
-    assert_eq!(port.counters().get("over_budget"), 1);
+    assert_eq!(port.fault_counts().get("over_budget"), 1);
 }
 
 #[tokio::test]
@@ -244,7 +244,7 @@ async fn a_handler_that_panics_is_counted_and_its_port_serves_on() {
     };
     within(ask("/one", &"x".repeat(2000))).await.unwrap_err();
     let counted = async {
-        while server.counters().get("connection_panicked") == 0 {
+        while server.fault_counts().get("connection_panicked") == 0 {
             tokio::task::yield_now().await;
         }
     };
@@ -255,7 +255,7 @@ async fn a_handler_that_panics_is_counted_and_its_port_serves_on() {
 
 #[tokio::test]
 async fn more_connections_than_allowed_are_closed() {
-    let limits = Limits { max_connections: 4, ..Limits::default() };
+    let limits = WireLimits { max_connections: 4, ..WireLimits::default() };
     let network = Network::new(NetworkOptions { limits, ..options() });
     let port = port(&network).await;
     let mut held = Vec::new();
@@ -267,7 +267,7 @@ async fn more_connections_than_allowed_are_closed() {
     within(port.wait_for_inputs(4)).await;
     let stream = TcpStream::connect(port.address()).await.unwrap();
     is_closed(stream).await;
-    assert_eq!(port.counters().get("too_many_connections"), 1);
+    assert_eq!(port.fault_counts().get("too_many_connections"), 1);
     held.pop();
     let mut connected = port.connected();
     within(connected.wait_for(|now| now.inputs == 3)).await.unwrap();
@@ -308,7 +308,7 @@ async fn peer() -> (TcpListener, Network) {
 async fn a_receiver_that_says_nothing_stalls_nobody() {
     let (listener, network) = peer().await;
     let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
-    // Accepted by the system, answered by nobody.
+    // Accepted by the system, answered by no program.
     let error = within(writer.connect("/peer")).await.unwrap_err();
     assert_eq!(error.to_string(), "Cannot connect to /peer");
     drop(listener.accept().await.unwrap());

@@ -5,9 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::sync::{Mutex, mpsc};
-use wrapyfi_yarp::port::{
-    AdminError, Answer, Network, OpenError, OutputPort, PortOptions, Received, RpcServer,
-};
+use wrapyfi_yarp::port::{AdminError, Answer, Network, OpenError, Port, PortOptions, Received};
 
 /// Messages of a port: acknowledged as soon as there is room for them.
 pub(crate) struct Messages {
@@ -21,7 +19,7 @@ pub(crate) struct Reading<P> {
     messages: Messages,
 }
 
-pub(crate) type InputPort = Reading<RpcServer>;
+pub(crate) type InputPort = Reading<Port>;
 
 impl<P> Deref for Reading<P> {
     type Target = P;
@@ -67,7 +65,7 @@ pub(crate) async fn input(network: &Network, name: &str, places: usize) -> Input
 }
 
 /// Opens a port for both directions.
-pub(crate) async fn both_ways(network: &Network, name: &str, places: usize) -> Reading<OutputPort> {
+pub(crate) async fn both_ways(network: &Network, name: &str, places: usize) -> Reading<Port> {
     let (handler, messages) = queue(places);
     let port = network.open_port(name, &PortOptions::default(), handler).await.unwrap();
     Reading { port, messages }
@@ -110,18 +108,12 @@ pub(crate) trait Connections {
     async fn wait_for_outputs(&self, count: usize);
 }
 
-macro_rules! connections {
-    ($($port:ty),*) => {$(
-        impl Connections for $port {
-            async fn wait_for_inputs(&self, count: usize) {
-                self.connected().wait_for(|now| now.inputs >= count).await.unwrap();
-            }
+impl Connections for Port {
+    async fn wait_for_inputs(&self, count: usize) {
+        self.connected().wait_for(|now| now.inputs >= count).await.unwrap();
+    }
 
-            async fn wait_for_outputs(&self, count: usize) {
-                self.connected().wait_for(|now| now.outputs >= count).await.unwrap();
-            }
-        }
-    )*};
+    async fn wait_for_outputs(&self, count: usize) {
+        self.connected().wait_for(|now| now.outputs >= count).await.unwrap();
+    }
 }
-
-connections!(RpcServer, OutputPort);

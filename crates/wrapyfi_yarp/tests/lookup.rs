@@ -3,10 +3,10 @@
 use crate::golden::sent;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::sig::Stamp;
-use wrapyfi_yarp::{Bottle, Limits, Value};
+use wrapyfi_yarp::{Bottle, Value, WireLimits};
 
 fn bottle(text: &str) -> Bottle {
-    Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
+    Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap()
 }
 
 #[test]

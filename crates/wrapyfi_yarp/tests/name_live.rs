@@ -197,7 +197,7 @@ async fn ports_come_back_when_the_name_server_does() {
     assert_eq!(client.query("/kept").await.unwrap(), Some(at.clone()));
     assert_eq!(client.get("/kept", "color").await.unwrap().to_text(), "red");
 
-    // Somebody forgets us: the question that comes in turn finds out.
+    // The name server forgets us: the question that comes in turn finds out.
     client.unregister("/kept").await.unwrap();
     until("/kept is registered again", async || {
         client.query("/kept").await.unwrap() == Some(at.clone())
@@ -215,7 +215,7 @@ async fn ports_come_back_when_the_name_server_does() {
         .await;
     assert!(status.borrow().taken.is_empty());
 
-    // Somebody takes the name, and is there: it is his.
+    // A program takes the name, and is there: the name is that program's.
     let other = TcpListener::bind(("127.0.0.1", number)).await.unwrap();
     let accepting = tokio::spawn(async move { while other.accept().await.is_ok() {} });
     client.register(&placed).await.unwrap();
@@ -224,7 +224,7 @@ async fn ports_come_back_when_the_name_server_does() {
     registrar.unregister("/kept").await.unwrap();
     assert_eq!(client.query("/kept").await.unwrap().unwrap().port, number);
     accepting.abort();
-    // Whoever opens it anew is not told of that.
+    // The program that opens it anew is not told of that.
     assert!(status.borrow().taken.is_empty());
 
     registrar.unregister("/other").await.unwrap();
@@ -243,8 +243,8 @@ async fn a_name_that_changes_hands_is_noticed_when_it_is_told() {
     let at = registrar.register(&named("/kept")).await.unwrap();
     registrar.status().wait_for(|status| status.connected).await.unwrap();
     client.unregister("/kept").await.unwrap();
-    registrar.doubt("/others");
-    registrar.doubt("/kept");
+    registrar.verify("/others");
+    registrar.verify("/kept");
     until("/kept is registered again", async || {
         client.query("/kept").await.unwrap() == Some(at.clone())
     })
@@ -353,7 +353,7 @@ async fn ports_are_connected_looked_at_and_disconnected_from_outside() {
 
     network.connect("/cam", "/view", None).await.unwrap();
     tokio::time::timeout(TIMEOUT, output.wait_for_outputs(1)).await.unwrap();
-    // The connection of whoever has connected them may still be there.
+    // The connection of the program that connected them may still be there.
     let carrier = || -> Vec<_> {
         let data = output.status().into_iter().filter(|one| one.name != "admin");
         data.map(|one| (one.name, one.carrier)).collect()
@@ -436,10 +436,10 @@ async fn a_port_that_the_name_server_keeps_elsewhere_is_an_error() {
 async fn a_name_server_that_never_ends_or_never_begins_is_given_up() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let port = listener.local_addr().unwrap().port();
-    let limits = wrapyfi_yarp::Limits {
+    let limits = wrapyfi_yarp::WireLimits {
         max_message_bytes: 64 * 1024,
         max_line_bytes: 1024,
-        ..wrapyfi_yarp::Limits::default()
+        ..wrapyfi_yarp::WireLimits::default()
     };
     let client = NameClient::new(NameServerConf { host: "127.0.0.1".into(), port })
         .with_limits(limits)
@@ -454,7 +454,7 @@ async fn a_name_server_that_never_ends_or_never_begins_is_given_up() {
         let limits = ["allowed are 65536", "more than 1024 bytes"];
         assert!(limits.iter().any(|limit| error.contains(limit)), "{error}");
     }
-    // Silence: the connection waits in the backlog, nobody accepts.
+    // Silence: the connection waits in the backlog, no program accepts.
     let client = client.with_timeout(Duration::from_millis(50));
     let error = client.query("/a").await.unwrap_err().to_string();
     assert!(error.contains("no answer within 50ms"), "{error}");
@@ -473,7 +473,10 @@ async fn bad_peers_do_not_disturb_the_server() {
     let options = NameServerOptions {
         port: 0,
         limits,
-        wire: wrapyfi_yarp::Limits { max_line_bytes: 4096, ..wrapyfi_yarp::Limits::default() },
+        wire: wrapyfi_yarp::WireLimits {
+            max_line_bytes: 4096,
+            ..wrapyfi_yarp::WireLimits::default()
+        },
         handshake_timeout: Duration::from_secs(1),
         idle_timeout: Duration::from_millis(200),
         ..NameServerOptions::default()
@@ -582,7 +585,7 @@ async fn a_browser_sees_ports_and_changes_nothing() {
 async fn a_server_is_found_by_multicast() {
     use wrapyfi_yarp::name::multicast::{NameServerSearch, discover};
 
-    // Any UDP port that is free: nobody else hears us there.
+    // Any UDP port that is free: no other program hears us there.
     let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let options =
         NameServerOptions { port: 0, discovery_port: Some(free), ..NameServerOptions::default() };

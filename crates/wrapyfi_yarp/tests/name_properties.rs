@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
-use wrapyfi_yarp::Limits;
+use wrapyfi_yarp::WireLimits;
 use wrapyfi_yarp::name::Target;
 use wrapyfi_yarp::server::NameServerLimits;
 use wrapyfi_yarp::server::offline::{Offline, read_answer};
 
 fn server() -> Offline {
-    Offline::new(NameServerLimits::default(), Limits::default())
+    Offline::new(NameServerLimits::default(), WireLimits::default())
 }
 
 /// One of few names, so that things happen to the same ones.
@@ -18,7 +18,7 @@ fn name() -> impl Strategy<Value = String> {
 }
 
 #[derive(Debug, Clone)]
-enum Step {
+enum Operation {
     Register(String),
     RegisterAt(String, u16),
     RegisterUnnamed,
@@ -26,13 +26,13 @@ enum Step {
     Unregister(String),
 }
 
-fn step() -> impl Strategy<Value = Step> {
+fn step() -> impl Strategy<Value = Operation> {
     prop_oneof![
-        name().prop_map(Step::Register),
-        (name(), 1..=u16::MAX).prop_map(|(name, port)| Step::RegisterAt(name, port)),
-        Just(Step::RegisterUnnamed),
-        name().prop_map(Step::RegisterGroup),
-        name().prop_map(Step::Unregister),
+        name().prop_map(Operation::Register),
+        (name(), 1..=u16::MAX).prop_map(|(name, port)| Operation::RegisterAt(name, port)),
+        Just(Operation::RegisterUnnamed),
+        name().prop_map(Operation::RegisterGroup),
+        name().prop_map(Operation::Unregister),
     ]
 }
 
@@ -72,23 +72,23 @@ proptest! {
         prop_assert!(server.names() >= 2, "its own name and that of the group stay");
     }
 
-    /// Numbers that the server chooses are nobody else's, names keep theirs, and all returns.
+    /// Numbers that the server chooses are no other program's, names keep theirs, and all returns.
     #[test]
     fn numbers_are_given_once(steps in prop::collection::vec(step(), 0..60)) {
         let mut server = server();
         let mut ports: BTreeMap<String, u16> = BTreeMap::new();
         for step in steps {
             let (line, chosen) = match &step {
-                Step::Register(name) => (format!("register {name}"), true),
-                Step::RegisterAt(name, port) => {
+                Operation::Register(name) => (format!("register {name}"), true),
+                Operation::RegisterAt(name, port) => {
                     (format!("register {name} tcp 1.2.3.4 {port}"), false)
                 }
-                Step::RegisterUnnamed => ("register ...".to_owned(), true),
-                Step::RegisterGroup(name) => (format!("register {name} mcast ... ..."), true),
-                Step::Unregister(name) => (format!("unregister {name}"), false),
+                Operation::RegisterUnnamed => ("register ...".to_owned(), true),
+                Operation::RegisterGroup(name) => (format!("register {name} mcast ... ..."), true),
+                Operation::Unregister(name) => (format!("unregister {name}"), false),
             };
-            let found = read_answer(&server.ask(line.as_bytes()), &Limits::default()).unwrap();
-            if let Step::Unregister(name) = &step {
+            let found = read_answer(&server.ask(line.as_bytes()), &WireLimits::default()).unwrap();
+            if let Operation::Unregister(name) = &step {
                 prop_assert!(found.is_empty());
                 ports.remove(name);
                 continue;
@@ -101,7 +101,7 @@ proptest! {
             }
             ports.insert(found.name, found.port);
         }
-        let listed = read_answer(&server.ask(b"list"), &Limits::default()).unwrap();
+        let listed = read_answer(&server.ask(b"list"), &WireLimits::default()).unwrap();
         let listed: BTreeMap<_, _> = listed
             .into_iter()
             .filter(|port| port.name.starts_with("/port/") || port.name.starts_with("/tmp/"))
@@ -113,7 +113,7 @@ proptest! {
         }
         prop_assert_eq!(server.names(), 2);
         // Groups and unnamed ports begin again.
-        let first = read_answer(&server.ask(b"register ..."), &Limits::default()).unwrap();
+        let first = read_answer(&server.ask(b"register ..."), &WireLimits::default()).unwrap();
         prop_assert!(first[0].name.starts_with("/tmp/port/"));
     }
 
@@ -152,7 +152,7 @@ proptest! {
         for name in &names {
             server.ask(format!("register {name}").as_bytes());
         }
-        let listed = read_answer(&server.ask(format!("list {prefix}").as_bytes()), &Limits::default());
+        let listed = read_answer(&server.ask(format!("list {prefix}").as_bytes()), &WireLimits::default());
         let listed: BTreeSet<_> = listed.unwrap().into_iter().map(|port| port.name).collect();
         let under = |name: &&String| {
             name.split('/').zip(prefix.split('/')).all(|(a, b)| a == b)

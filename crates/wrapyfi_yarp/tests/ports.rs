@@ -14,7 +14,7 @@ use wrapyfi_yarp::port::{
     Answer, Inspection, Loss, Message, Modes, Network, NetworkOptions, Overflow, PayloadKind,
     PortOptions, PortPayload, RpcError,
 };
-use wrapyfi_yarp::{Bottle, Limits, Value};
+use wrapyfi_yarp::{Bottle, Value, WireLimits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -30,7 +30,7 @@ fn network() -> Network {
 }
 
 fn bottle(text: &str) -> Bottle {
-    Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
+    Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap()
 }
 
 async fn within<T>(future: impl Future<Output = T>) -> T {
@@ -73,7 +73,7 @@ async fn messages_arrive_over_every_push_carrier() {
         within(writer.close()).await;
         let mut connected = reader.connected();
         within(connected.wait_for(|now| now.inputs == 0)).await.unwrap();
-        assert_eq!(reader.counters().all(), [].into(), "{carrier}");
+        assert_eq!(reader.fault_counts().all(), [].into(), "{carrier}");
         within(reader.close()).await;
     }
 }
@@ -159,7 +159,7 @@ async fn pictures_are_pulled() {
     assert_eq!(next(&reader).await.payload.bytes, jpeg);
     assert_eq!(*fates.0.lock().unwrap(), [Loss::Unsendable]);
     assert_eq!(reader.status()[0].carrier, "mjpeg");
-    // Whoever is connected otherwise gets the objects, and no files.
+    // The program that is connected otherwise gets the objects, and no files.
     let other = input(&network, "/other", 4).await;
     writer.connect("tcp://other").await.unwrap();
     writer.write(Message::new(PortPayload::raw(jpeg)));
@@ -185,7 +185,7 @@ async fn mjpeg_is_refused_where_no_pictures_are() {
     assert!(refused.to_string().contains("port /ears has no pictures"), "{refused}");
     let refused = network.connect("/talk", "/view", Some("mjpeg")).await.unwrap_err();
     assert!(refused.to_string().contains("Cannot connect to mjpeg://talk"), "{refused}");
-    assert_eq!(talk.counters().get("no_pictures"), 1);
+    assert_eq!(talk.fault_counts().get("no_pictures"), 1);
     network.connect("/cam", "/view", Some("mjpeg")).await.unwrap();
     within(view.wait_for_inputs(1)).await;
     within(cam.wait_for_outputs(1)).await;
@@ -349,7 +349,7 @@ async fn a_qualifier_that_we_lack_ends_the_connection() {
         let wanted = format!("{carrier}+recv.portmonitor+type.dll+file.nosuch://reader");
         let error = writer.connect(&wanted).await.unwrap_err();
         assert_eq!(error.to_string(), format!("Cannot connect to {wanted}"));
-        assert_eq!(reader.counters().get("missing_modifier"), count);
+        assert_eq!(reader.fault_counts().get("missing_modifier"), count);
         assert_eq!(writer.connected().borrow().outputs, 0);
     }
     for modifier in ["send.portmonitor", "log.in"] {
@@ -425,7 +425,7 @@ async fn a_second_connection_of_a_name_replaces_the_first() {
     within(connected.wait_for(|now| now.outputs == 0)).await.unwrap();
     second.write_bottle(&bottle("2")).unwrap();
     assert_eq!(next(&reader).await.bottle().unwrap(), bottle("2"));
-    assert_eq!(reader.counters().get("replaced"), 1);
+    assert_eq!(reader.fault_counts().get("replaced"), 1);
 }
 
 #[tokio::test]

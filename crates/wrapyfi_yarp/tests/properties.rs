@@ -6,7 +6,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use wrapyfi_yarp::bottle::{BottleScan, Frame, Text, Vocab, Vocab64};
 use wrapyfi_yarp::sig::{Image, ImageHeader, Matrix, PixelCode, Rows, Sound, Stamp, Vector};
-use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+use wrapyfi_yarp::{Bottle, Dialect, Value, WireLimits};
 
 fn dialects() -> impl Strategy<Value = Dialect> {
     prop_oneof![Just(Dialect::V3), Just(Dialect::V4)]
@@ -85,7 +85,7 @@ proptest! {
         let length = bytes.len();
         bytes.extend(behind);
         let bytes = Bytes::from(bytes);
-        let limits = Limits::default();
+        let limits = WireLimits::default();
         let read = Bottle::decode(&bytes, dialect, &limits);
         prop_assert_eq!(read, Ok((bottle, length)));
         prop_assert_eq!(Bottle::frame(&bytes, dialect, &limits), Ok(Frame::Complete(length)));
@@ -95,7 +95,7 @@ proptest! {
     #[test]
     fn bottles_in_pieces((dialect, bottle) in bottles(), step in 1..9_usize) {
         let bytes = bottle.encode(dialect).unwrap();
-        let mut scan = BottleScan::new(dialect, &Limits::default());
+        let mut scan = BottleScan::new(dialect, &WireLimits::default());
         let mut there = 0;
         loop {
             match scan.advance(&bytes[..there]).unwrap() {
@@ -114,7 +114,7 @@ proptest! {
     /// The scan and the reader agree on what a bottle is.
     #[test]
     fn damaged_bottles(bytes in damaged(), dialect in dialects()) {
-        let limits = Limits { max_depth: 5, max_elements: 30, ..Limits::default() };
+        let limits = WireLimits { max_depth: 5, max_elements: 30, ..WireLimits::default() };
         let read = Bottle::decode(&bytes, dialect, &limits);
         match Bottle::frame(&bytes, dialect, &limits) {
             Ok(Frame::Complete(length)) => {
@@ -131,7 +131,7 @@ proptest! {
 
     #[test]
     fn any_text_is_read(text in texts(), dialect in dialects()) {
-        let limits = Limits::default();
+        let limits = WireLimits::default();
         let read = Bottle::from_text_as(&text, dialect, &limits);
         // Vocabs are cut to their letters, brackets and all, and lose those beyond ASCII: as in
         // YARP, their text need not read as the same. The string null reads as a vocab.
@@ -146,7 +146,7 @@ proptest! {
     #[test]
     fn numbers_return_through_text(integer: i64, float: f64) {
         let bottle = Bottle::from(vec![Value::Int64(integer), Value::Float64(float)]);
-        let read = Bottle::from_text(bottle.to_text().as_bytes(), &Limits::default()).unwrap();
+        let read = Bottle::from_text(bottle.to_text().as_bytes(), &WireLimits::default()).unwrap();
         prop_assert_eq!(read.values[0].as_i64(), Some(integer));
         let returned = read.values[1].as_f64().unwrap();
         prop_assert!(returned == float || (returned.is_nan() && float.is_nan()), "{}", returned);
@@ -156,7 +156,7 @@ proptest! {
     fn strings_return_through_text(text: String) {
         prop_assume!(!["null", "inf", "nan"].contains(&text.as_str()), "as in YARP");
         let bottle = Bottle::from(vec![Value::string(text.as_str())]);
-        let read = Bottle::from_text(bottle.to_text().as_bytes(), &Limits::default()).unwrap();
+        let read = Bottle::from_text(bottle.to_text().as_bytes(), &WireLimits::default()).unwrap();
         prop_assert_eq!(read, bottle);
     }
 
@@ -167,7 +167,7 @@ proptest! {
         quantum in 0..18_u16,
         fill: u8,
     ) {
-        let limits = Limits::default();
+        let limits = WireLimits::default();
         let header = ImageHeader::new(pixel, width, height, quantum).unwrap();
         let data = Bytes::from(vec![fill; header.image_bytes()]);
         let image = Image::from_parts(header, data).unwrap();
@@ -190,7 +190,7 @@ proptest! {
         let image = Image::from_packed(PixelCode::Rgb, 3, 2, Bytes::from_static(&[7; 18])).unwrap();
         let mut bytes = image.encode(Rows::Announced).unwrap();
         bytes[4 * at..4 * at + 4].copy_from_slice(&word.to_le_bytes());
-        if let Ok(image) = Image::decode(&bytes.into(), Rows::Announced, &Limits::default()) {
+        if let Ok(image) = Image::decode(&bytes.into(), Rows::Announced, &WireLimits::default()) {
             prop_assert_eq!(image.data().len(), image.header().image_bytes());
             prop_assert!(image.rows().map(<[u8]>::len).sum::<usize>() <= 18);
         }
@@ -207,18 +207,18 @@ proptest! {
         let sound = Sound::from_interleaved(&samples, channels, frequency).unwrap();
         prop_assert_eq!(sound.to_interleaved(), samples);
         let bytes = Bytes::from(sound.encode(dialect).unwrap());
-        let read = Sound::decode(&bytes, dialect, &Limits::default()).unwrap();
+        let read = Sound::decode(&bytes, dialect, &WireLimits::default()).unwrap();
         prop_assert_eq!(read.data(), sound.data());
         prop_assert_eq!(read.encode(dialect).unwrap(), bytes.clone());
-        let error = Sound::decode(&bytes, dialect.other(), &Limits::default()).unwrap_err();
+        let error = Sound::decode(&bytes, dialect.other(), &WireLimits::default()).unwrap_err();
         prop_assert!(error.to_string().contains(&format!("dialect {dialect}")), "{}", error);
-        let (bottle, _) = Bottle::decode(&bytes, dialect, &Limits::default()).unwrap();
+        let (bottle, _) = Bottle::decode(&bytes, dialect, &WireLimits::default()).unwrap();
         prop_assert_eq!(Sound::from_bottle(&bottle).unwrap(), sound);
     }
 
     #[test]
     fn vectors_return(numbers in vec(-1e9..1e9_f64, 0..50), dialect in dialects()) {
-        let limits = Limits::default();
+        let limits = WireLimits::default();
         let vector = Vector(numbers.clone());
         let bytes = vector.encode(dialect).unwrap();
         prop_assert_eq!(&Vector::decode(&bytes, dialect, &limits).unwrap(), &vector);
@@ -239,7 +239,7 @@ proptest! {
     /// No bytes make any reader panic, or read beyond them.
     #[test]
     fn arbitrary_bytes(bytes in vec(any::<u8>(), 0..200), dialect in dialects()) {
-        let (bytes, limits) = (Bytes::from(bytes), Limits::default());
+        let (bytes, limits) = (Bytes::from(bytes), WireLimits::default());
         if let Ok((_, used)) = Bottle::decode(&bytes, dialect, &limits) {
             prop_assert!(used <= bytes.len());
         }

@@ -2,7 +2,7 @@
 
 use tokio::sync::{mpsc, oneshot};
 use wrapyfi_yarp::Bottle;
-use wrapyfi_yarp::port::{Answer, Network, PortOptions, Received, RpcServer};
+use wrapyfi_yarp::port::{Answer, Network, Port, PortOptions, Received};
 
 /// A request that waits for its answer; an empty bottle where it is dropped.
 pub(crate) struct Asked {
@@ -11,7 +11,7 @@ pub(crate) struct Asked {
     pub(crate) reply: oneshot::Sender<Answer>,
 }
 
-pub(crate) async fn queued(network: &Network, name: &str) -> (RpcServer, mpsc::Receiver<Asked>) {
+pub(crate) async fn queued(network: &Network, name: &str) -> (Port, mpsc::Receiver<Asked>) {
     let (sender, queue) = mpsc::channel(64);
     let handler = move |received, wants_reply| {
         let sender = sender.clone();

@@ -13,7 +13,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions, RpcError, Timeouts};
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -42,7 +42,7 @@ fn network(folder: &Path, names: NameTable) -> Network {
 }
 
 fn bottle(text: &str) -> Bottle {
-    Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
+    Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap()
 }
 
 fn place(folder: &Path, receiver: SocketAddr, sender: SocketAddr) -> PathBuf {
@@ -77,7 +77,7 @@ async fn receive(folder: &Path, listener: &TcpListener, header: usize) -> (Vec<u
 
 async fn counted(port: &InputPort, reason: &str) {
     within(async {
-        while port.counters().get(reason) == 0 {
+        while port.fault_counts().get(reason) == 0 {
             tokio::task::yield_now().await;
         }
     })
@@ -102,7 +102,7 @@ async fn our_reader_reads_what_yarp_wrote() {
     // It said goodbye: nothing comes back, and nothing is left.
     let mut rest = Vec::new();
     assert_eq!(within(stream.read_to_end(&mut rest)).await.unwrap(), 0);
-    assert_eq!(port.counters().all(), [].into());
+    assert_eq!(port.fault_counts().all(), [].into());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
@@ -118,7 +118,7 @@ async fn a_float_of_yarp_4_shows_its_dialect() {
     stream.write_all(&message.repeat(2)).await.unwrap();
     for _ in 0..2 {
         let payload = within(port.recv()).await.unwrap().payload;
-        let read = payload.to_bottle(Dialect::V4, &Limits::default()).unwrap();
+        let read = payload.to_bottle(Dialect::V4, &WireLimits::default()).unwrap();
         assert_eq!(read, bottle("3.25"));
     }
 }
@@ -266,7 +266,7 @@ async fn a_place_where_ports_cannot_meet_is_refused_with_the_reason() {
         let writer = network.open_output("/src", &PortOptions::default()).await.unwrap();
         let error = within(writer.connect("unix_stream://dst")).await.unwrap_err().to_string();
         assert!(error.contains(why) && error.contains("YARP_RUNTIME_DIR"), "{error}");
-        // Whoever connects to us.
+        // The program that connects to us.
         let mut stream = TcpStream::connect(port.address()).await.unwrap();
         stream.write_all(&said("unix_stream_write", "c2s", "tcp")).await.unwrap();
         counted(&port, "unix_socket").await;

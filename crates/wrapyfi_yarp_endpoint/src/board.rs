@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_yarp::bottle::Vocab;
-use wrapyfi_yarp::port::RpcClient;
+use wrapyfi_yarp::port::Port;
 use wrapyfi_yarp::{Bottle, Dialect, Value};
 
 use super::joint_limits::{JointLimits, Range};
@@ -84,7 +84,7 @@ impl Joints {
 
 /// Asks a board for its joints, and for the limits of those that are moved.
 pub(super) async fn joints(
-    client: &RpcClient,
+    client: &Port,
     dialect: Dialect,
     is_moved: bool,
 ) -> Result<Joints, String> {
@@ -144,7 +144,7 @@ impl Word {
 
 /// The values that the board says of `word`, and of a joint; none where it says that it cannot.
 async fn get(
-    client: &RpcClient,
+    client: &Port,
     dialect: Dialect,
     word: Word,
     joint: Option<i64>,

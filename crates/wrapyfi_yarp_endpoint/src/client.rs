@@ -12,6 +12,7 @@
 //! program of YARP 4 does ([`super::client_dialects`]). A connection whose call took too long is kept for its late
 //! reply for a while, so that this is counted and taken for no other.
 
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -20,24 +21,26 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
+use wrapyfi_yarp::port::{LinkError, Port, PortOptions, RpcError};
 
 use super::client_dialects::{self, InDialects};
 use super::directory::unless_slow;
-use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
-use super::name::{UNOPENED, check_name};
+use super::name::check_name;
 use super::opening::{numbered, until_open};
-use super::options::YarpOptions;
+use super::options::{BottleFormat, YarpOptions};
 use super::payload;
-use super::shared::Shared;
-use super::tasks::{Stop, Stopped};
+use super::shared::InstanceState;
+use super::tasks::Stop;
+use super::{found_format, name};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::{EncodeError, EncodeResult};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Clock, Context, Link, Mutex, OpenResult, Request, ServiceSpec};
+use wrapyfi_endpoint::{
+    CallError, Cause, Clock, Context, Link, Mutex, OpenResult, PeerFault, Request, ServiceSpec,
+};
 
 /// Time after the deadline of a call in which its reply is still known, and counted as late.
 const LATE: Duration = Duration::from_secs(30);
@@ -50,14 +53,14 @@ pub(super) struct Outgoing {
 
 enum Body {
     Written(InDialects),
-    /// Request as it is, while nobody knows yet how the server reads.
+    /// Request as it is, while it is not known how the server reads.
     Unwritten(Request),
 }
 
 /// Calls one service.
 pub(super) struct YarpClient {
     state: Arc<ClientState>,
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     number: i64,
     _stop: Stop,
 }
@@ -77,22 +80,24 @@ enum Outcome {
 struct ClientState {
     spec: ServiceSpec,
     options: YarpOptions,
-    format: FoundFormat,
+    /// Format that the server reads, where the options leave it to be found.
+    format: Mutex<BottleFormat>,
     dialect: Dialect,
     /// The dialect of the server as it is now, once it was asked.
     known_dialect: Mutex<Option<Dialect>>,
-    link_state: LinkState,
+    link_state: Arc<LinkState>,
     clock: Clock,
     outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
     /// Connections without a call, and which of the server's times they belong to.
-    idle: Mutex<Vec<(u64, Arc<RpcClient>)>>,
+    idle: Mutex<Vec<(u64, Arc<Port>)>>,
     /// Number of the server's connection, counted from the first; `None` while it is away.
     up: watch::Sender<Option<u64>>,
     /// Signal that a connection to the server failed.
     failed: Notify,
-    /// Calls that have a connection, those included that nobody waits for.
+    /// Calls that have a connection, those included that no caller waits for.
     out: AtomicUsize,
-    name: Mutex<String>,
+    /// The port that has a name: it knows whether the server is there.
+    port: Mutex<Option<Arc<Port>>>,
 }
 
 impl ClientState {
@@ -101,7 +106,7 @@ impl ClientState {
     }
 
     /// A connection to the server as it is now; `None` when it is lost.
-    async fn connection(&self, shared: &Shared, time: u64) -> Option<Arc<RpcClient>> {
+    async fn connection(&self, shared: &InstanceState, time: u64) -> Option<Arc<Port>> {
         let free = {
             let mut idle = self.idle.lock();
             idle.retain(|(known, _)| *known == time);
@@ -110,7 +115,7 @@ impl ClientState {
         if let Some((_, free)) = free {
             return Some(free);
         }
-        let base = self.name.lock().clone();
+        let base = self.port.lock().as_ref().map(|port| port.name().to_owned())?;
         let options = PortOptions { register: false, ..shared.asking() };
         // A name of its own: a server keeps one connection of each.
         let name = format!("{base}/{}", numbered(""));
@@ -126,22 +131,22 @@ impl ClientState {
     }
 
     /// The options, with the format that the server reads.
-    fn options(&self) -> &YarpOptions {
-        self.format.options(&self.options)
+    fn options(&self) -> Cow<'_, YarpOptions> {
+        self.options.with_found(*self.format.lock())
     }
 
     /// A request in the dialect that the server has `known`, where it has.
     fn write(&self, request: &Request, known: Option<Dialect>) -> EncodeResult<InDialects> {
         let options = self.options();
         let is_known = known.or(options.dialect).is_some();
-        let reader_is_known = is_known || payload::is_json(&self.spec, options);
+        let reader_is_known = is_known || payload::is_json(&self.spec, &options);
         InDialects::of(known.unwrap_or(self.dialect), reader_is_known, |dialect| {
-            payload::encode_request(request, &self.spec, options, dialect)
+            payload::encode_request(request, &self.spec, &options, dialect)
         })
     }
 
     /// The format of a request that the server reads: it is asked once, and where that decides.
-    async fn readable<'a>(&self, shared: &Shared, written: &'a InDialects) -> &'a Bytes {
+    async fn readable<'a>(&self, shared: &InstanceState, written: &'a InDialects) -> &'a Bytes {
         let InDialects { usual, other: Some(other) } = written else { return &written.usual };
         let known = *self.known_dialect.lock();
         let dialect = match known {
@@ -154,7 +159,12 @@ impl ClientState {
 
     /// Makes one call. Until the request is out, a server that is lost is waited for; `None` when
     /// its time was over before.
-    async fn call(&self, shared: &Shared, body: &Body, deadline: Instant) -> Option<Outcome> {
+    async fn call(
+        &self,
+        shared: &InstanceState,
+        body: &Body,
+        deadline: Instant,
+    ) -> Option<Outcome> {
         let mut up = self.up.subscribe();
         let mut written = None;
         let left = || deadline.saturating_duration_since(self.clock.now());
@@ -209,34 +219,39 @@ fn was_not_sent(error: &RpcError) -> bool {
     )
 }
 
-/// The life of the port that has a name: it knows whether the server is there.
-async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Stopped) {
-    // One that panicked had connections.
-    state.up.send_replace(None);
-    state.idle.lock().clear();
-    let opened = until_open(&shared, &state.spec.service, &state.link_state, || {
-        let own = state.options.port.clone();
-        let name = own.unwrap_or_else(|| numbered(&state.spec.service));
-        let (network, options) = (shared.network(&state.options), shared.asking());
-        async move { network.open_rpc_client(&name, &options).await }
+/// Has the port open that has a name.
+async fn serve((shared, state): (Arc<InstanceState>, Arc<ClientState>)) {
+    let service = &state.spec.service;
+    let (network, options) = (shared.network(&state.options), shared.asking());
+    let port = until_open(&shared, service, &state.link_state, || async {
+        let name = state.options.port.clone().unwrap_or_else(|| numbered(service));
+        network.open_rpc_client(&name, &options).await
     });
-    let port = tokio::select! {
-        () = stopped.wait() => return,
-        port = opened => port,
-    };
-    port.name().clone_into(&mut state.name.lock());
-    tokio::select! {
-        () = stopped.wait() => {}
-        () = stay_connected(&shared, &state, &port) => {}
-    }
-    state.up.send_replace(None);
-    state.idle.lock().clear();
-    port.disconnect().await;
-    state.link_state.waiting("YARP, which has ended");
-    port.close().await;
+    let port = Arc::new(port.await);
+    *state.port.lock() = Some(Arc::clone(&port));
+    stay_connected(&shared, &state, &port).await;
 }
 
-async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) {
+/// Closes the port that is open, if any, and the connections of calls.
+async fn close((_, state): (Arc<InstanceState>, Arc<ClientState>)) {
+    state.up.send_replace(None);
+    state.idle.lock().clear();
+    let port = state.port.lock().take();
+    if let Some(port) = port {
+        port.disconnect().await;
+        // No other program has it any more.
+        if let Some(port) = Arc::into_inner(port) {
+            port.close().await;
+        }
+    }
+}
+
+/// Cause that the port of a service has not answered.
+fn unanswered(service: &str, fault: Option<PeerFault>, hint: &'static str) -> Cause {
+    Cause::peer(name::port(service), " to answer", fault, hint)
+}
+
+async fn stay_connected(shared: &InstanceState, state: &ClientState, port: &Port) {
     let bell = shared.directory.watch(&state.spec.service);
     let (mut backoff, mut time) = (Backoff::of_name(&state.spec.service), 0);
     let mut changes = port.connected();
@@ -245,7 +260,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         if !shared.directory.knows(&state.spec.service) {
             has_just_come = true;
             let away = shared.directory.waiting_for();
-            let nobody = || format!("port {}{UNOPENED}", state.spec.service);
+            let nobody = || Cause::NotOpened(name::address(&state.spec.service));
             state.link_state.waiting(away.unwrap_or_else(nobody));
             bell.notified().await;
             continue;
@@ -256,19 +271,20 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         });
         let at = shared.directory.answers(&what, asked, say).await.and_then(|entry| entry.at);
         if let Err(error) = port.connect(&state.target()).await {
-            let why = format!("port {} to answer: {error}", state.spec.service);
+            let say = |hint| {
+                let fault = PeerFault::Transport(error.to_string());
+                state.link_state.waiting(unanswered(&state.spec.service, Some(fault), hint));
+            };
             let hint = shared.hint(&state.spec.service);
-            let hint = unless_slow(hint, || state.link_state.waiting(why.as_str())).await;
-            state.link_state.waiting(format!("{why}{hint}"));
+            say(unless_slow(hint, || say("")).await);
             // A name is registered a moment before its port listens.
             tokio::select! { () = bell.notified() => backoff.reset(), () = backoff.pause() => {} }
             continue;
         }
         // Without a name server it stays what it was.
         if state.options.finds_format && shared.directory.reached().is_some() {
-            state
-                .format
-                .set(found_format::of_server(shared, &state.spec.service, has_just_come).await);
+            let found = found_format::of_server(shared, &state.spec.service, has_just_come).await;
+            *state.format.lock() = found;
         }
         has_just_come = false;
         backoff.reset();
@@ -295,14 +311,14 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         state.up.send_replace(None);
         state.idle.lock().clear();
-        state.link_state.waiting(format!("port {} to answer", state.spec.service));
+        state.link_state.waiting(unanswered(&state.spec.service, None, ""));
         port.disconnect().await;
     }
 }
 
 impl YarpClient {
     pub(super) fn open(
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireClient<Self>> {
@@ -311,29 +327,24 @@ impl YarpClient {
         if let Some(port) = &options.port {
             check_name(port)?;
         }
-        let waiting = format!("port {} to answer", spec.service);
+        let waiting = unanswered(&spec.service, None, "");
         let state = Arc::new(ClientState {
             spec: spec.clone(),
-            format: FoundFormat::new(&options),
+            format: Mutex::new(BottleFormat::Bottle),
             dialect: shared.network(&options).dialect(),
             known_dialect: Mutex::default(),
             options,
-            link_state: LinkState::new(context.wake.clone(), waiting),
+            link_state: Arc::new(LinkState::new(context.wake.clone(), waiting)),
             clock: context.clock.clone(),
             outcomes: Mutex::default(),
             idle: Mutex::default(),
             up: watch::Sender::new(None),
             failed: Notify::new(),
             out: AtomicUsize::new(0),
-            name: Mutex::default(),
+            port: Mutex::default(),
         });
-        let (stop, stopped) = shared.tasks.stop();
-        let (kept, waiting) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
-        shared.tasks.spawn(
-            &state.spec.service,
-            move |what| waiting.link_state.waiting(what),
-            move || keep(kept.clone(), stopped.clone()),
-        );
+        let kept = (Arc::clone(shared), Arc::clone(&state));
+        let stop = shared.tasks.spawn(&spec.service, &state.link_state, kept, serve, close);
         let shared = Arc::clone(shared);
         let wire = Self { state, shared, number: 0, _stop: stop };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
@@ -358,7 +369,7 @@ impl YarpClient {
         let state = &self.state;
         calls.answered(number, body.len(), at, || {
             let now = Stamp::now();
-            match payload::decode_reply(&body, &state.spec, state.options(), state.dialect, now) {
+            match payload::decode_reply(&body, &state.spec, &state.options(), state.dialect, now) {
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),
@@ -368,7 +379,12 @@ impl YarpClient {
 }
 
 /// The task of one call.
-async fn make(shared: Arc<Shared>, state: Arc<ClientState>, number: i64, outgoing: Outgoing) {
+async fn make(
+    shared: Arc<InstanceState>,
+    state: Arc<ClientState>,
+    number: i64,
+    outgoing: Outgoing,
+) {
     let outcome = state.call(&shared, &outgoing.body, outgoing.deadline).await;
     state.out.fetch_sub(1, Relaxed);
     if let Some(outcome) = outcome {

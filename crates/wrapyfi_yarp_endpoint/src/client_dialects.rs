@@ -15,7 +15,6 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::sync::OnceCell;
-use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::port::{Network, Received};
 use wrapyfi_yarp::{Bottle, Dialect};
 
@@ -96,7 +95,7 @@ impl ClientDialects {
         let name = Arc::clone(&received.from);
         let client = client(&name, received.connection);
         self.learn(&client, dialect);
-        // The others of this name have been told of with the first one: nobody can be asked.
+        // The others of this name have been told of with the first one: no program can be asked.
         if client != name && !self.learn(&name, dialect) {
             return;
         }
@@ -146,11 +145,8 @@ pub(super) async fn ask(network: &Network, name: &str) -> (Dialect, bool) {
 }
 
 /// The one dialect in which `bytes` are a bottle; none where they are one in both, or in neither.
-fn dialect_of(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
-    let is_whole = |dialect| {
-        let frame = Bottle::frame(bytes, dialect, limits);
-        matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
-    };
+fn dialect_of(bytes: &[u8], limits: &wrapyfi_yarp::WireLimits) -> Option<Dialect> {
+    let is_whole = |dialect| Bottle::is_whole(bytes, dialect, limits);
     match (is_whole(Dialect::V3), is_whole(Dialect::V4)) {
         (true, false) => Some(Dialect::V3),
         (false, true) => Some(Dialect::V4),
@@ -174,13 +170,14 @@ mod tests {
     use super::*;
 
     fn bytes(text: &str, dialect: Dialect) -> Vec<u8> {
-        let bottle = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default()).unwrap();
+        let bottle =
+            Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::WireLimits::default()).unwrap();
         bottle.encode(dialect).unwrap()
     }
 
     #[test]
     fn a_float_shows_who_wrote_it() {
-        let limits = wrapyfi_yarp::Limits::default();
+        let limits = wrapyfi_yarp::WireLimits::default();
         for text in ["[set] [pos] 2 10.5", "1.5", "(1.5 2) word", "1.5 2.5 3.5"] {
             for dialect in [Dialect::V3, Dialect::V4] {
                 assert_eq!(dialect_of(&bytes(text, dialect), &limits), Some(dialect), "{text}");

@@ -65,8 +65,9 @@ pub struct YarpConfig {
     /// Largest message in bytes that a port reads before it cuts the connection; topics and services
     /// have limits of their own below it.
     pub max_message_bytes: usize,
-    /// True where a bottle of one string is JSON, whoever sends it, as Wrapyfi's listeners have it. Otherwise it is
-    /// that where a program of Wrapyfi sends it, and itself where another one does. Option `bottle` goes before it.
+    /// True where a bottle of one string is JSON, whichever program sends it, as Wrapyfi's listeners have it. Otherwise
+    /// it is that where a program of Wrapyfi sends it, and itself where another one does. Option `bottle` goes before
+    /// it.
     #[doc(hidden)]
     pub is_wrapyfi: bool,
     /// Rules that tell a port's type by its name, of which the first that matches counts; [`Convention::usual`] unless

@@ -13,22 +13,22 @@ use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
 use tokio::time::{Instant, timeout};
-use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
+use wrapyfi_yarp::port::{Connected, Port, PortOptions};
 use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::board::ANSWERS;
 use super::intrinsics::{self, Intrinsics};
 use super::opening::numbered;
 use super::options::YarpOptions;
-use super::shared::Shared;
-use super::{board, payload};
+use super::shared::InstanceState;
+use super::{board, name, payload};
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Cause, Mutex, Named};
 
 /// Time to the second try.
 const FIRST: Duration = Duration::from_millis(100);
-/// Tries before a board is asked only when somebody needs it, and a camera no more.
+/// Tries before a board is asked only when a program needs it, and a camera no more.
 const TRIES: u32 = 8;
 /// Longest time that the first messages wait for the device's answers.
 const TIMEOUT: Duration = Duration::from_secs(1);
@@ -56,7 +56,7 @@ pub(super) struct Device {
     /// The ports for requests that the device may have, and what it speaks there.
     rpc: Vec<(String, Dialect)>,
     current: Mutex<Arc<YarpOptions>>,
-    /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
+    /// Messages need not wait: it has told, or took too long, or there is no board to ask.
     settled: watch::Sender<bool>,
     /// Signal of messages that would wait.
     wanted: Notify,
@@ -125,7 +125,11 @@ impl Device {
     ///
     /// # Errors
     /// Reason that it was not carried out.
-    pub(super) async fn request(&self, shared: &Shared, request: &Bottle) -> Result<(), String> {
+    pub(super) async fn request(
+        &self,
+        shared: &InstanceState,
+        request: &Bottle,
+    ) -> Result<(), String> {
         let _turn = self.turn.lock().await;
         let known = self.rpc.iter().find(|(name, _)| shared.directory.knows(name));
         let (rpc, _) = known.ok_or_else(|| "its port for requests is not there".to_owned())?;
@@ -139,22 +143,27 @@ impl Device {
         }
     }
 
-    /// Name of the port whose answer movements wait for, and what for, while the board is connected and has not told.
-    pub(super) fn awaited(&self) -> Option<String> {
+    /// Port whose answer movements wait for, while the board is connected and has not told.
+    pub(super) fn awaited(&self) -> Option<Cause> {
         let Some(Subject::Joints { .. }) =
             self.subject.as_ref().filter(|_| !*self.settled.borrow())
         else {
             return None;
         };
         let (rpc, _) = self.rpc.first()?;
-        Some(format!("{rpc} to tell the joints of its board"))
+        Some(Cause::peer(
+            Named { words: rpc.clone(), ..name::port(rpc) },
+            " to tell the joints of its board",
+            None,
+            "",
+        ))
     }
 
     /// Asks the device whenever it gets connected, for as long as it is run, and again while it cannot
     /// tell: its ports are there before it is. `changes` tells when to look at `connected`.
     pub(super) async fn follow(
         &self,
-        shared: &Shared,
+        shared: &InstanceState,
         mut changes: watch::Receiver<Connected>,
         connected: impl Fn() -> bool,
     ) {
@@ -195,7 +204,7 @@ impl Device {
                     return std::future::pending().await;
                 }
                 if tries >= TRIES {
-                    // Not before somebody needs it.
+                    // Not before a program needs it.
                     self.wanted.notified().await;
                 } else if matches!(subject, Subject::Calibration { .. }) {
                     // A camera that sends can tell: its first picture waits for that.
@@ -244,7 +253,7 @@ impl Subject {
 
 /// Asks the device behind the port `rpc` for its properties and returns `given` with them.
 async fn ask(
-    shared: &Shared,
+    shared: &InstanceState,
     rpc: &str,
     dialect: Dialect,
     subject: &Subject,
@@ -265,9 +274,9 @@ async fn ask(
 
 /// Does `work` with a client that is connected to the port `rpc`.
 async fn on_port<T>(
-    shared: &Shared,
+    shared: &InstanceState,
     rpc: &str,
-    work: impl AsyncFnOnce(&RpcClient) -> Result<T, String>,
+    work: impl AsyncFnOnce(&Port) -> Result<T, String>,
 ) -> Result<T, String> {
     let unregistered = PortOptions { register: false, ..shared.asking() };
     let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
@@ -283,7 +292,7 @@ async fn on_port<T>(
 
 /// The calibration of a camera. Those of YARP 3 and of YARP 4 have the same port: who does not know the one question
 /// is asked the other.
-async fn calibration(client: &RpcClient, picture: &str) -> Result<Intrinsics, String> {
+async fn calibration(client: &Port, picture: &str) -> Result<Intrinsics, String> {
     let ask = async |dialect| {
         let question = intrinsics::question(picture, dialect);
         let answer = client.call(&question, ANSWERS).await.map_err(|error| error.to_string())?;

@@ -6,7 +6,7 @@
 //!                                                └─ rings those who watch that name
 //! ```
 //!
-//! One connection tells all changes, so that nobody has to ask again and again whether a port is
+//! One connection tells all changes, so that no program has to ask again and again whether a port is
 //! there. When the name server ends and comes back, everybody is rung: a new one knows nothing. Programs of
 //! YARP do not register again, so that a port which the lost name server knew stays here for as long as it
 //! answers where it was ([`super::unlisted`]).
@@ -24,10 +24,10 @@ use wrapyfi_yarp::name::{NameClient, NameEvent};
 use wrapyfi_yarp::port::names::Registration;
 
 use super::registered_port::Entry;
-use super::shared::Shared;
+use super::shared::InstanceState;
 use super::unlisted;
-use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Cause, Mutex, Named};
 
 /// Longest time that opening an endpoint waits for the first answer of the name server.
 const FIRST_ANSWER: Duration = Duration::from_secs(1);
@@ -158,21 +158,31 @@ impl Directory {
         self.inner.lock().names.clone()
     }
 
-    /// Reason why nothing is known; `None` while the name server is there.
-    pub(super) fn waiting_for(&self) -> Option<String> {
+    /// Cause for which nothing is known; `None` while the name server is there.
+    pub(super) fn waiting_for(&self) -> Option<Cause> {
         let inner = self.inner.lock();
         if inner.reached.is_some() {
             return None;
         }
         // It was not heard yet, and may be there.
-        let Some(why) = &inner.failure else { return Some(format!("name server {}", self.server)) };
+        let Some(why) = &inner.failure else { return Some(self.away(String::new())) };
         let remedy = if self.is_afar {
             "it has to run there; YARP's own listens on all addresses, `wrapyfi yarpserver` on 127.0.0.1 \
              unless --ip and --insecure are given there; a firewall may be between"
         } else {
             "start one with `wrapyfi yarpserver`"
         };
-        Some(format!("name server {} ({why}): {remedy}", self.server))
+        Some(self.away(format!(" ({why}): {remedy}")))
+    }
+
+    /// Host and port of the name server.
+    pub(super) fn address(&self) -> &str {
+        &self.server
+    }
+
+    /// Cause that the name server does not answer, with `detail` behind its address.
+    fn away(&self, detail: String) -> Cause {
+        Cause::ServerAway { server: Named::server("name server", &self.server), detail }
     }
 
     /// Awaits `asked`, a question to the name server. Calls `say` with the reason where the answer
@@ -181,9 +191,9 @@ impl Directory {
         &self,
         to: &str,
         asked: impl Future<Output = T>,
-        say: impl FnOnce(String),
+        say: impl FnOnce(Cause),
     ) -> T {
-        let server = || format!("name server {} {to}", self.server);
+        let server = || self.away(format!(" {to}"));
         unless_slow(asked, || say(self.waiting_for().unwrap_or_else(server))).await
     }
 
@@ -310,7 +320,7 @@ fn ring(bell: &Notify) -> bool {
 const LOOKS_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 
 /// Keeps the directory up to date for as long as it is run.
-pub(super) async fn follow(shared: Arc<Shared>) {
+pub(super) async fn follow(shared: Arc<InstanceState>) {
     let mut backoff = Backoff::of_name("names").starting_at(Duration::from_millis(50));
     let mut status = shared.registrar.status();
     loop {
@@ -328,7 +338,7 @@ pub(super) async fn follow(shared: Arc<Shared>) {
 
 /// Hears one name server until it ends.
 async fn listen(
-    shared: &Arc<Shared>,
+    shared: &Arc<InstanceState>,
     backoff: &mut Backoff,
 ) -> Result<Infallible, Box<dyn Error + Send + Sync>> {
     let (client, directory) = (shared.registrar.client(), &shared.directory);
@@ -352,7 +362,7 @@ async fn listen(
                 }
                 event => {
                     let (NameEvent::Added(name) | NameEvent::Removed(name)) = &event;
-                    shared.registrar.doubt(name);
+                    shared.registrar.verify(name);
                     directory.apply(event);
                 }
             },

@@ -24,17 +24,17 @@ use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 use super::intrinsics;
 use super::registered_port::Entry;
 use super::role::{role, topic_of};
-use super::shared::Shared;
+use super::shared::InstanceState;
 use super::survey::Silence;
 use super::types::FILES;
-use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
+use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, NameFilter, Role};
 
 /// Longest time that a port is given for its answer: those that died are still registered.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Looks at one name server.
 pub(super) struct YarpDiscovery {
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     wanted: Option<NameFilter>,
     /// Verdicts of that filter on the names of the registered ports.
     judged: BTreeMap<String, bool>,
@@ -49,7 +49,7 @@ pub(super) struct YarpDiscovery {
 }
 
 impl YarpDiscovery {
-    pub(super) fn new(shared: &Arc<Shared>) -> Self {
+    pub(super) fn new(shared: &Arc<InstanceState>) -> Self {
         Self {
             shared: Arc::clone(shared),
             wanted: None,
@@ -61,7 +61,7 @@ impl YarpDiscovery {
         }
     }
 
-    /// Leaves out ports that nobody wants to know of.
+    /// Leaves out ports that no program wants to know of.
     fn sift(&mut self, ports: &mut BTreeMap<String, Entry>) {
         let Some(wanted) = &self.wanted else { return };
         self.judged.retain(|name, _| ports.contains_key(name));
@@ -139,7 +139,7 @@ impl Discovery for YarpDiscovery {
         Ok(self.found.clone())
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.shared.directory.waiting_for()
     }
 
@@ -149,7 +149,7 @@ impl Discovery for YarpDiscovery {
 }
 
 /// Asks those of `ports` that have not been asked. Returns at once.
-fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
+fn ask(shared: &Arc<InstanceState>, ports: &BTreeMap<String, Entry>) {
     let mut due = shared.survey.due(ports, Instant::now());
     // Those whose first message is waited for behind that have the longest way.
     due.sort_by_cached_key(|(name, entry)| is_told_by_name(shared, name, entry));
@@ -167,8 +167,8 @@ fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
     }
 }
 
-/// Watches a port that is in the way of a route: when its program is killed, nobody else tells. Returns at once.
-pub(super) fn doubt(shared: &Arc<Shared>, name: &str) {
+/// Watches a port that is in the way of a route: when its program is killed, no other program tells. Returns at once.
+pub(super) fn verify(shared: &Arc<InstanceState>, name: &str) {
     let Some(Entry { number, .. }) = shared.directory.entry(name) else { return };
     if !shared.survey.begins_watch(name, number) {
         return;
@@ -184,13 +184,13 @@ pub(super) fn doubt(shared: &Arc<Shared>, name: &str) {
 }
 
 /// True when the name of a port tells that it sends, and which type.
-fn is_told_by_name(shared: &Shared, name: &str, entry: &Entry) -> bool {
+fn is_told_by_name(shared: &InstanceState, name: &str, entry: &Entry) -> bool {
     let sends = matches!(role(name, None).1, Role::Publisher);
     sends && shared.types.of(name, entry.number, None).is_some()
 }
 
 /// Asks a port about itself; about its connections alone unless `whole`.
-async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspection, Silence> {
+async fn interview(shared: &InstanceState, name: &str, whole: bool) -> Result<Inspection, Silence> {
     let asked = async {
         match shared.located(name).await {
             None => Err(AdminError::Unknown(name.to_owned())),

@@ -1,7 +1,7 @@
 //! First messages of ports, which show their types.
 //!
 //! A port that sends nothing costs nothing: so the first message of one that is silent ends its wait,
-//! whenever it comes, and nobody has to be asked again and again ([`super::learning`]).
+//! whenever it comes, and no program has to be asked again and again ([`super::learning`]).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use tokio::sync::{Notify, Semaphore};
-use wrapyfi_yarp::port::{Received, RpcServer};
+use wrapyfi_yarp::port::{Port, Received};
 
 use super::types;
 use wrapyfi_endpoint::Mutex;
@@ -32,7 +32,7 @@ pub(super) struct FirstMessages {
     pub(super) telling: Semaphore,
     pub(super) silent: Semaphore,
     /// The port that all send to, once there is something to listen to.
-    pub(super) ear: tokio::sync::Mutex<Option<Ear>>,
+    pub(super) ear: tokio::sync::Mutex<Option<Port>>,
 }
 
 impl Default for FirstMessages {
@@ -49,23 +49,17 @@ impl Default for FirstMessages {
 }
 
 #[derive(Debug)]
-pub(super) struct Ear {
-    pub(super) name: String,
-    pub(super) port: RpcServer,
-}
-
-#[derive(Debug)]
 pub(super) struct Heard {
     /// The port that it is of, as the directory numbers it.
     pub(super) number: u64,
-    pub(super) state: State,
+    pub(super) state: TypeSearch,
     pub(super) failures: u32,
     /// Signal that the first message has come.
     pub(super) bell: Arc<Notify>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum State {
+pub(super) enum TypeSearch {
     /// The port is listened to, and may be sending.
     Listening,
     /// The port has sent nothing for a while.
@@ -84,7 +78,7 @@ impl FirstMessages {
     /// The type that the first message of a port has shown.
     pub(super) fn type_of(&self, port: &str, number: u64) -> Option<&'static str> {
         match self.ports.lock().get(port)? {
-            Heard { number: heard, state: State::Known(told), .. } if *heard == number => {
+            Heard { number: heard, state: TypeSearch::Known(told), .. } if *heard == number => {
                 Some(*told)
             }
             _ => None,
@@ -92,10 +86,10 @@ impl FirstMessages {
     }
 
     /// Enters the state of a port, unless another one has its name by now.
-    pub(super) fn set(&self, port: &str, number: u64, state: State) {
+    pub(super) fn set(&self, port: &str, number: u64, state: TypeSearch) {
         let mut ports = self.ports.lock();
         if let Some(heard) = ports.get_mut(port).filter(|heard| heard.number == number) {
-            if matches!(state, State::Failed(..)) {
+            if matches!(state, TypeSearch::Failed(..)) {
                 heard.failures = heard.failures.saturating_add(1);
             }
             heard.state = state;
@@ -103,14 +97,14 @@ impl FirstMessages {
     }
 
     /// Takes a message in: the first one that tells is what counts.
-    pub(super) fn hear(&self, received: &Received, limits: &wrapyfi_yarp::Limits) {
+    pub(super) fn hear(&self, received: &Received, limits: &wrapyfi_yarp::WireLimits) {
         let mut ports = self.ports.lock();
         let Some(heard) = ports.get_mut(&*received.from) else { return };
-        if matches!(heard.state, State::Known(_)) {
+        if matches!(heard.state, TypeSearch::Known(_)) {
             return;
         }
         if let Some(told) = types::of_message(&received.payload, limits) {
-            heard.state = State::Known(told);
+            heard.state = TypeSearch::Known(told);
             self.learned.fetch_add(1, Ordering::Release);
             heard.bell.notify_one();
         }
@@ -120,7 +114,7 @@ impl FirstMessages {
     pub(super) async fn close(&self) {
         let ear = self.ear.lock().await.take();
         if let Some(ear) = ear {
-            ear.port.close().await;
+            ear.close().await;
         }
     }
 }

@@ -6,19 +6,18 @@
 //!   /rpc:i    neither                            a robot: bottles, whose strings are strings
 //! ```
 //!
-//! On the wire both are rpc ports, or send bottles of one string, and nobody may be asked: a robot carries out what
+//! On the wire both are rpc ports, or send bottles of one string, and no program may be asked: a robot carries out what
 //! it is sent, and Wrapyfi calls its function. The name server knows, though: a server or publisher of Wrapyfi asks it
 //! for a connection from its port to the same name with `:out`, and ours leave a property.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
 use wrapyfi_yarp::wire::admin::split_destination;
 
 use super::options::{BottleFormat, YarpOptions};
-use super::shared::Shared;
+use super::shared::InstanceState;
 use wrapyfi_data::types::{DataType, MessageType};
 use wrapyfi_endpoint::Mutex;
 
@@ -31,51 +30,13 @@ const MOST_SENDERS: usize = 256;
 /// Time that Wrapyfi is given between opening its port and asking for that connection.
 const OPENS_WITHIN: Duration = Duration::from_millis(250);
 
-/// Options with the format that was found, for where none is set.
-pub(super) struct FoundFormat {
-    is_json: AtomicBool,
-    json: YarpOptions,
-    bottle: YarpOptions,
-}
-
-impl FoundFormat {
-    pub(super) fn new(options: &YarpOptions) -> Self {
-        let of = |format| YarpOptions { bottle: Some(format), ..options.clone() };
-        Self {
-            is_json: AtomicBool::new(false),
-            json: of(BottleFormat::Json),
-            bottle: of(BottleFormat::Bottle),
-        }
-    }
-
-    pub(super) fn set(&self, format: BottleFormat) {
-        self.is_json.store(format == BottleFormat::Json, Relaxed);
-    }
-
-    /// `given`, unless it leaves the format to be found.
-    pub(super) fn options<'a>(&'a self, given: &'a YarpOptions) -> &'a YarpOptions {
-        let format =
-            if self.is_json.load(Relaxed) { BottleFormat::Json } else { BottleFormat::Bottle };
-        self.of(given, format)
-    }
-
-    /// `given`, unless it leaves the format to be found: that with `format`.
-    pub(super) fn of<'a>(
-        &'a self,
-        given: &'a YarpOptions,
-        format: BottleFormat,
-    ) -> &'a YarpOptions {
-        match (given.finds_format && given.bottle.is_none(), format) {
-            (false, _) => given,
-            (true, BottleFormat::Json) => &self.json,
-            (true, _) => &self.bottle,
-        }
-    }
-}
-
 /// BottleFormat in which the server behind the port `name` reads calls: JSON where Wrapyfi opened it, else
 /// bottles.
-pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) -> BottleFormat {
+pub(super) async fn of_server(
+    shared: &InstanceState,
+    name: &str,
+    has_just_come: bool,
+) -> BottleFormat {
     if is_of_wrapyfi(shared, name).await {
         return BottleFormat::Json;
     }
@@ -99,7 +60,11 @@ pub(super) struct SenderFormats {
 }
 
 impl SenderFormats {
-    pub(super) fn new(message_type: MessageType, options: &YarpOptions, shared: &Shared) -> Self {
+    pub(super) fn new(
+        message_type: MessageType,
+        options: &YarpOptions,
+        shared: &InstanceState,
+    ) -> Self {
         let is_object = matches!(message_type, MessageType::NativeObject | MessageType::StringJson);
         let finds = is_object && options.bottle.is_none() && !shared.is_wrapyfi;
         let of = |format| Arc::new(YarpOptions { bottle: Some(format), ..options.clone() });
@@ -108,7 +73,7 @@ impl SenderFormats {
     }
 
     /// Options for what the port `name` sends; `None` where they are the listener's.
-    pub(super) async fn of(&self, shared: &Shared, name: &str) -> Option<Arc<YarpOptions>> {
+    pub(super) async fn of(&self, shared: &InstanceState, name: &str) -> Option<Arc<YarpOptions>> {
         let [json, plain] = self.found.as_ref()?;
         let with = |is_json| Some(Arc::clone(if is_json { json } else { plain }));
         let number = shared.directory.entry(name).map_or(0, |entry| entry.number);
@@ -119,7 +84,7 @@ impl SenderFormats {
             return with(is_json);
         }
         if shared.directory.waiting_for().is_some() {
-            // Nobody can be asked now: the next message asks again.
+            // No program can be asked now: the next message asks again.
             return None;
         }
         let is_json = name.starts_with('/') && is_of_wrapyfi(shared, name).await;
@@ -132,7 +97,7 @@ impl SenderFormats {
     }
 }
 
-/// True where a publisher writes native objects as Wrapyfi does, to whoever reads them.
+/// True where a publisher writes native objects as Wrapyfi does, to the program that reads them.
 pub(super) fn writes_json(message_type: MessageType, options: &YarpOptions) -> bool {
     let is_json = matches!(options.bottle, None | Some(BottleFormat::Json));
     is_json
@@ -140,7 +105,7 @@ pub(super) fn writes_json(message_type: MessageType, options: &YarpOptions) -> b
         && message_type != MessageType::Text
 }
 
-async fn is_of_wrapyfi(shared: &Shared, name: &str) -> bool {
+async fn is_of_wrapyfi(shared: &InstanceState, name: &str) -> bool {
     let marks = shared.network.names().get(name, MARK).await;
     if marks.is_ok_and(|marks| marks.iter().any(|mark| mark == JSON)) {
         return true;
@@ -157,7 +122,7 @@ fn is_to_out(src: &str, dest: &str) -> bool {
 }
 
 /// Leaves the mark of a server that reads JSON.
-pub(super) async fn mark(shared: &Shared, name: &str) {
+pub(super) async fn mark(shared: &InstanceState, name: &str) {
     if let Err(error) = shared.network.names().set(name, MARK, &[JSON.to_owned()]).await {
         tracing::debug!(name, %error, "the name server does not know that this is a function of ours");
     }
@@ -177,11 +142,10 @@ mod tests {
     #[test]
     fn the_form_is_found_only_where_none_is_set() {
         let given = YarpOptions { finds_format: true, ..YarpOptions::default() };
-        let found = FoundFormat::new(&given);
-        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Bottle));
-        found.set(BottleFormat::Json);
-        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Json));
-        let fixed = YarpOptions::default();
-        assert_eq!(found.options(&fixed), &fixed);
+        for format in [BottleFormat::Bottle, BottleFormat::Json] {
+            assert_eq!(given.with_found(format).bottle, Some(format));
+            let fixed = YarpOptions::default();
+            assert_eq!(*fixed.with_found(format), fixed);
+        }
     }
 }

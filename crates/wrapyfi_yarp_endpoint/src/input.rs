@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Inputs are known by the customs of YARP: the last part of their name is `i`, `in` or `input`, behind
-//! a slash or a colon. Nobody publishes under such a name: whoever means one wants to write to it.
+//! a slash or a colon. No program publishes under such a name: the program that means one wants to write to it.
 
 /// Last parts of names of input ports.
 const INPUTS: [&str; 3] = ["i", "in", "input"];

@@ -7,7 +7,7 @@
 //!      [visd] [get] [intp]        ─▶  [visd] [intp] [is] ((focalLengthX 512) …)       depth
 //!   of YARP 4: getRgbIntrinsicParamRPC, getDepthIntrinsicParamRPC
 //!
-//!   /depthCamera/rgbImage:camera_info, /icub/cam/left:camera_info     the topics; nobody has such ports
+//!   /depthCamera/rgbImage:camera_info, /icub/cam/left:camera_info     the topics; no program has such ports
 //! ```
 //!
 //! A topic of `CameraInfo` is read from the port of its pictures, which have its stamp and its size. So that a bridge can
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn answers_of_cameras_are_read() {
         let read = |text: &str| {
-            let answer = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default());
+            let answer = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::WireLimits::default());
             Intrinsics::of(&answer.unwrap())
         };
         let told =

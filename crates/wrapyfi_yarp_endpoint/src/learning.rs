@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received};
 
-use super::first_message::{Ear, Heard, SILENT_AT_ONCE, State};
+use super::first_message::{Heard, SILENT_AT_ONCE, TypeSearch};
 use super::opening::numbered;
 use super::registered_port::Entry;
-use super::shared::Shared;
+use super::shared::InstanceState;
 use super::survey::pause;
 use wrapyfi_endpoint::LearnError;
 
@@ -30,7 +30,7 @@ const EAR: &str = "/wrapyfi/types";
 ///
 /// # Errors
 /// Why the type is not known yet.
-pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnError> {
+pub(super) fn learn(shared: &Arc<InstanceState>, port: &str) -> Result<String, LearnError> {
     let name = port.to_owned();
     let Some(entry) = shared.directory.entry(port) else {
         // Its name went since it was found, and may come again.
@@ -52,27 +52,27 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
     let failures = match known {
         None => 0,
         Some(heard) => match &heard.state {
-            State::Known(told) => return Ok((*told).to_owned()),
-            State::Listening => return Err(LearnError::Asked(name)),
-            State::Silent => {
+            TypeSearch::Known(told) => return Ok((*told).to_owned()),
+            TypeSearch::Listening => return Err(LearnError::Asked(name)),
+            TypeSearch::Silent => {
                 let reason = "it has sent nothing yet, and its first message will tell".to_owned();
                 return Err(LearnError::Silent { name, reason });
             }
-            State::Failed(reason, at)
+            TypeSearch::Failed(reason, at)
                 if now.saturating_duration_since(*at) < pause(heard.failures) =>
             {
                 return Err(LearnError::Silent { name, reason: reason.clone() });
             }
-            State::Failed(..) => heard.failures,
+            TypeSearch::Failed(..) => heard.failures,
         },
     };
-    // Whoever listens has to be reached.
+    // The program that listens has to be reached.
     if let Err(refused) = shared.may_listen() {
         return Err(LearnError::Silent { name, reason: refused.to_string() });
     }
     ports.retain(|name, _| shared.directory.knows(name));
     let bell = Arc::new(Notify::new());
-    let heard = Heard { number, state: State::Listening, failures, bell: Arc::clone(&bell) };
+    let heard = Heard { number, state: TypeSearch::Listening, failures, bell: Arc::clone(&bell) };
     ports.insert(name.clone(), heard);
     drop(ports);
     let (tasks, to_listen) = (Arc::clone(shared), name.clone());
@@ -81,13 +81,13 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
 }
 
 /// Listens to a port until it has sent a message that tells its type, or is another one.
-async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Notify>) {
+async fn listen(shared: Arc<InstanceState>, port: String, entry: Entry, first: Arc<Notify>) {
     let (number, contact) = (entry.number, entry.contact());
     let heard = &shared.types.heard;
     let Ok(turn) = heard.room.acquire().await else { return };
     let ear = match ear(&shared).await {
         Ok(ear) => ear,
-        Err(reason) => return heard.set(&port, number, State::Failed(reason, Instant::now())),
+        Err(reason) => return heard.set(&port, number, TypeSearch::Failed(reason, Instant::now())),
     };
     let target = format!("tcp:/{ear}");
     let told = heard.telling.acquire().await;
@@ -96,7 +96,7 @@ async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Noti
     if let Err(error) = connected {
         tracing::debug!(port, %error, "is not listened to");
         let reason = error.to_string();
-        return heard.set(&port, number, State::Failed(reason, Instant::now()));
+        return heard.set(&port, number, TypeSearch::Failed(reason, Instant::now()));
     }
     let waited = tokio::time::timeout(WINDOW, first.notified()).await;
     drop(turn);
@@ -105,7 +105,7 @@ async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Noti
             Ok(_place) => {
                 // Its message may have come just now.
                 if heard.type_of(&port, number).is_none() {
-                    heard.set(&port, number, State::Silent);
+                    heard.set(&port, number, TypeSearch::Silent);
                     stays(&shared, &port, number, &first).await;
                 }
             }
@@ -115,7 +115,7 @@ async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Noti
                      waited for",
                     WINDOW.as_millis()
                 );
-                heard.set(&port, number, State::Failed(reason, Instant::now()));
+                heard.set(&port, number, TypeSearch::Failed(reason, Instant::now()));
             }
         }
     }
@@ -125,7 +125,7 @@ async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Noti
 }
 
 /// Waits for the first message of a silent port, for as long as it is that port.
-async fn stays(shared: &Shared, port: &str, number: u64, first: &Notify) {
+async fn stays(shared: &InstanceState, port: &str, number: u64, first: &Notify) {
     let changes = shared.directory.watch(port);
     while shared.directory.entry(port).is_some_and(|entry| entry.number == number) {
         tokio::select! {
@@ -136,10 +136,10 @@ async fn stays(shared: &Shared, port: &str, number: u64, first: &Notify) {
 }
 
 /// The name of the port that all send to, which is opened where it is not open.
-async fn ear(shared: &Arc<Shared>) -> Result<String, String> {
+async fn ear(shared: &Arc<InstanceState>) -> Result<String, String> {
     let mut ear = shared.types.heard.ear.lock().await;
     if let Some(open) = &*ear {
-        return Ok(open.name.clone());
+        return Ok(open.name().to_owned());
     }
     let weak = Arc::downgrade(shared);
     let handler = move |received: Received, _reply| {
@@ -151,8 +151,8 @@ async fn ear(shared: &Arc<Shared>) -> Result<String, String> {
     let opened = shared.network.serve(&numbered(EAR), &PortOptions::default(), handler).await;
     let port = opened.map_err(|error| error.to_string())?;
     let name = port.name().to_owned();
-    // It is nobody's endpoint.
+    // It belongs to no endpoint.
     shared.own.insert(&name);
-    *ear = Some(Ear { name: name.clone(), port });
+    *ear = Some(port);
     Ok(name)
 }

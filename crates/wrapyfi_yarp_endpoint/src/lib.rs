@@ -1,7 +1,7 @@
 //! YARP: ports, the name server and what YARP's programs send.
 //!
 //! ```text
-//!   Publisher /cam ─▶ OutputPort /cam ══ any carrier ══▶ /cam:in7 ─▶ Listener     (or yarp read)
+//!   Publisher /cam ─▶ Port /cam ══ any carrier ══▶ /cam:in7 ─▶ Listener     (or yarp read)
 //!   Client ─▶ /rpc:in3 ◀══ requests, replies ══▶ /rpc ◀─ Server                   (or yarp rpc)
 //!        └────────── names: one registrar, one directory ──────────┘
 //!                      name server: YARP's, or ours inside this process
@@ -56,10 +56,13 @@ mod port_connection;
 mod publisher;
 mod registered_port;
 mod role;
+#[cfg(feature = "driver")]
+mod section;
 mod served_board;
 mod server;
 mod shared;
 mod shared_output;
+mod source;
 mod survey;
 mod tasks;
 mod types;
@@ -77,13 +80,15 @@ use wrapyfi_yarp::port::{Network, NetworkOptions, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
-use self::shared::Shared;
+use self::shared::InstanceState;
 pub use config::YarpConfig;
 pub use error::YarpError;
-pub use log_port::LogPort;
-pub use name::{NAME, UNOPENED, check_topic};
+pub use name::{NAME, check_topic};
 pub use options::{DESTINATION_OPTIONS, OPTIONS, SOURCE_OPTIONS, check_option};
-pub use served_board::{NO_CLIENT, PORTS as BOARD_PORTS};
+#[cfg(feature = "driver")]
+pub use section::DRIVER;
+pub use served_board::{INPUTS as BOARD_INPUTS, PORTS as BOARD_PORTS};
+pub use source::source;
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;
@@ -93,14 +98,28 @@ use wrapyfi_data::types::{Map, MessageType, Value};
 use wrapyfi_endpoint::network::ReachedByOthers;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
-    Listener, Middleware, Opened, PROGRESS, Publisher, Role, Server, ServiceSpec, Share, TopicSpec,
-    Traits, topic_of_name,
+    ActionClient, ActionSpec, Builder as SettingsBuilder, Cause, Client, Context, Conventions,
+    DiscoverError, Discovered, Discovery, LearnResult, Learned, Listener, LogSink, Middleware,
+    MiddlewareSettings, NameService, Opened, PROGRESS, Publisher, Role, RoutingProperties, Server,
+    ServiceSpec, Share, StartError, TopicSpec, function_action, topic_of_name,
 };
 
 /// Conventions of YARP: log ports of programs, and ports of commands that live for one call (`yarp write ... /x`).
-pub const CONVENTIONS: Conventions =
-    Conventions { program_topics: &["log/", "tmp/port/"], ..Conventions::NONE };
+pub const CONVENTIONS: Conventions = Conventions {
+    program_topics: &["log/", "tmp/port/"],
+    name_service: Some(NameService {
+        knows_listeners: false,
+        address_variable: "YARP_IP",
+        server_variable: None,
+        clean: "yarp clean",
+        find: Some(
+            "start a name server: yarpserver --write, or wrapyfi yarpserver --write where there is no YARP; or find \
+             the one that runs: wrapyfi detect --write",
+        ),
+    }),
+    program: "a program with a YARP port",
+    ..Conventions::NONE
+};
 
 /// Threads that carry all ports.
 const THREADS: usize = 2;
@@ -111,7 +130,7 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 ///
 /// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
 pub struct Yarp {
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     boards: served_board::ServedBoards,
     server: Option<NameServer>,
     runtime: Option<Runtime>,
@@ -122,7 +141,7 @@ impl Yarp {
     /// Starts the runtime and, where that is wanted and none answers yet, the name server.
     ///
     /// # Errors
-    /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
+    /// When no setting says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
     /// those are refused where they are opened.
     #[doc(hidden)]
@@ -160,9 +179,9 @@ impl Yarp {
                 names: Arc::new(registrar.clone()),
                 known: Arc::new(move |name| kept.upgrade()?.kept(name)),
                 dialect: config.dialect,
-                limits: wrapyfi_yarp::Limits {
+                limits: wrapyfi_yarp::WireLimits {
                     max_message_bytes: config.max_message_bytes,
-                    ..wrapyfi_yarp::Limits::default()
+                    ..wrapyfi_yarp::WireLimits::default()
                 },
                 timeouts: Timeouts {
                     progress: PROGRESS,
@@ -176,7 +195,7 @@ impl Yarp {
             });
             let tasks = tasks::Tasks::new(runtime.handle().clone());
             let (own, send_queue) = (own::OwnPorts::default(), config.send_queue.max(1));
-            let shared = Shared {
+            let shared = InstanceState {
                 network,
                 registrar,
                 directory,
@@ -210,13 +229,6 @@ impl Yarp {
     #[doc(hidden)]
     pub fn may_listen(&self) -> Result<(), ReachedByOthers> {
         self.shared.may_listen()
-    }
-
-    /// The port for the log of this program, opened where `YARP_FORWARD_LOG_ENABLE` is set to 1 and ports may
-    /// be opened that others connect to.
-    #[doc(hidden)]
-    pub fn log_port(&self) -> Option<LogPort> {
-        self.may_listen().ok().and_then(|()| LogPort::open(&self.shared))
     }
 
     /// Host and port of the name server.
@@ -254,6 +266,22 @@ async fn embed(
     let server = NameServer::start(options).await?;
     let client = server.client().with_timeout(NAMES_TIMEOUT);
     Ok((client, Some(server)))
+}
+
+impl MiddlewareSettings for YarpConfig {
+    type Middleware = Yarp;
+
+    fn start(&self) -> Result<Yarp, StartError> {
+        let is_absent =
+            |error: &YarpError| matches!(error, YarpError::NameServer(_) | YarpError::Host(_));
+        Yarp::start(self)
+            .map_err(|error| StartError::of(&error, error.is_hopeless(), is_absent(&error)))
+    }
+}
+
+/// YARP, at the name server that `yarp.conf` names.
+pub fn yarp() -> SettingsBuilder<YarpConfig> {
+    SettingsBuilder::new(YarpConfig::from_env().map_err(StartError::refused))
 }
 
 impl Middleware for Yarp {
@@ -307,18 +335,24 @@ impl Middleware for Yarp {
         Ok(Box::new(server::YarpServer::open(&self.shared, spec, context)?))
     }
 
+    fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        // A function of Wrapyfi reads JSON, in which the words of a request are its arguments.
+        let is_json = spec.options.get("bottle").and_then(Value::as_bool) == Some(false);
+        function_action::open(self, spec, context, (!is_json).then_some("command"))
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::YarpDiscovery::new(&self.shared)))
     }
 
-    fn traits(&self) -> Traits {
-        // A name belongs to one port of the network: nobody else publishes where we do.
-        Traits {
+    fn routing_properties(&self) -> RoutingProperties {
+        // A name belongs to one port of the network: no other program publishes where we do.
+        RoutingProperties {
             tells_own: true,
             subscribes_first: true,
             untyped: true,
             carriers: true,
-            ..Traits::default()
+            ..RoutingProperties::default()
         }
     }
 
@@ -339,7 +373,7 @@ impl Middleware for Yarp {
         topic_of_name(NAME, &Discovered { type_name: Some(told), ..found.clone() }, types)
     }
 
-    /// Carrier mjpeg brings JPEG files: nobody has to decompress them for those who want pixels.
+    /// Carrier mjpeg brings JPEG files: no program has to decompress them for those who want pixels.
     fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
         let carrier = options.get("carrier").and_then(Value::as_str);
         match learned {
@@ -350,11 +384,18 @@ impl Middleware for Yarp {
         }
     }
 
-    fn doubt(&self, name: &str) {
-        discovery::doubt(&self.shared, name);
+    /// The port for the log of this program, opened where `YARP_FORWARD_LOG_ENABLE` is set to 1 and ports may
+    /// be opened that others connect to.
+    fn log_sink(&self) -> Option<Box<dyn LogSink>> {
+        self.may_listen().ok()?;
+        Some(Box::new(log_port::LogPort::open(&self.shared)?))
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn verify(&self, name: &str) {
+        discovery::verify(&self.shared, name);
+    }
+
+    fn waiting_for(&self) -> Option<Cause> {
         self.shared.directory.waiting_for()
     }
 }
@@ -371,7 +412,7 @@ impl Drop for Yarp {
         };
         let most = Limits::SHUTDOWN * 3 / 4;
         if Handle::try_current().is_ok() {
-            // Inside somebody's runtime nothing may wait.
+            // Inside a caller's runtime nothing may wait.
             runtime.spawn(ended);
             return runtime.shutdown_background();
         }

@@ -1,6 +1,6 @@
 //! State of an endpoint's connections, written by its task and read by its owner.
 
-use wrapyfi_endpoint::{Link, Mutex, Wake};
+use wrapyfi_endpoint::{Cause, Link, Mutex, Wake};
 
 /// Written by the task of an endpoint, read by its owner, who is rung at changes.
 #[derive(Debug)]
@@ -11,7 +11,7 @@ pub(super) struct LinkState {
 
 impl LinkState {
     /// State of a new endpoint, without connections.
-    pub(super) fn new(wake: Wake, waiting_for: String) -> Self {
+    pub(super) fn new(wake: Wake, waiting_for: Cause) -> Self {
         let link = Link { peers: Some(0), waiting_for: Some(waiting_for), keeps_last: false };
         Self { state: Mutex::new(link), wake }
     }
@@ -21,9 +21,14 @@ impl LinkState {
         self.set(Link { peers: Some(peers), waiting_for: None, keeps_last: false });
     }
 
-    /// Connected to nobody, and why.
-    pub(super) fn waiting(&self, what: impl Into<String>) {
+    /// Not connected, with the reason.
+    pub(super) fn waiting(&self, what: impl Into<Cause>) {
         self.set(Link { peers: Some(0), waiting_for: Some(what.into()), keeps_last: false });
+    }
+
+    /// Not connected: the middleware has ended.
+    pub(super) fn ended(&self) {
+        self.waiting(Cause::Ended("YARP, which has ended".to_owned()));
     }
 
     fn set(&self, link: Link) {

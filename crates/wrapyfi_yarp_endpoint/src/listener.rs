@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
+use wrapyfi_yarp::port::{Answer, Port, PortOptions, Received};
 
 use super::device::Device;
 use super::found_format::SenderFormats;
@@ -19,13 +19,13 @@ use super::name::check_name;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::port_connection::PortConnection;
-use super::shared::Shared;
-use super::tasks::{Stop, Stopped};
-use super::{intrinsics, payload};
+use super::shared::InstanceState;
+use super::tasks::Stop;
+use super::{intrinsics, name, payload};
 use wrapyfi_data::types::{DataType, Stamp};
 use wrapyfi_endpoint::{
-    Context, DropReason, Link, Listener, Mutex, OpenResult, Receiver, Sample, Sender, TakeError,
-    TopicSpec, Waits, inbox,
+    Cause, Context, DropReason, Link, Listener, Mutex, OpenResult, Receiver, Sample, Sender,
+    TakeError, TopicSpec, Waits, inbox,
 };
 
 /// Receives one topic.
@@ -54,8 +54,13 @@ impl Waits for Arrival {
 
 /// State that the listener shares with its port.
 struct ListenerState {
+    /// The port that sends the topic.
+    source: String,
+    options: YarpOptions,
+    /// True where the messages are pictures.
+    pictures: bool,
     /// A port that answers nothing: its function runs on the connection's own task.
-    port: Mutex<Option<RpcServer>>,
+    port: Mutex<Option<Port>>,
     device: Device,
     formats: SenderFormats,
     link_state: Arc<LinkState>,
@@ -68,7 +73,7 @@ impl ListenerState {
     /// Names of the ports that send.
     fn sources(&self) -> Vec<String> {
         let port = self.port.lock();
-        let status = port.as_ref().map(RpcServer::status).unwrap_or_default();
+        let status = port.as_ref().map(Port::status).unwrap_or_default();
         let sources = status.into_iter().filter(|one| one.incoming && one.name.starts_with('/'));
         sources.map(|one| one.name).collect()
     }
@@ -76,12 +81,12 @@ impl ListenerState {
     /// Counts what never became a message.
     fn count_losses(&self) {
         if let Some(port) = &*self.port.lock() {
-            self.losses.count(port.counters(), self.inbox.counters());
+            self.losses.count(port.fault_counts(), self.inbox.counters());
         }
     }
 
     /// Takes a message in; under policy `block` its connection waits here.
-    async fn put(&self, received: Received, shared: &Shared) {
+    async fn put(&self, received: Received, shared: &InstanceState) {
         let counters = self.inbox.counters();
         let bytes = received.payload.bytes.len();
         counters.received(bytes);
@@ -102,7 +107,7 @@ impl ListenerState {
 
 impl YarpListener {
     pub(super) fn open(
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &TopicSpec,
         options: YarpOptions,
         context: &Context,
@@ -116,8 +121,10 @@ impl YarpListener {
         let is_calibration = payload::is_of_camera(spec.message_type);
         let picture = intrinsics::picture_of(&spec.topic).filter(|_| is_calibration);
         let topic = picture.unwrap_or_else(|| spec.topic.clone());
-        let waiting = format!("port {topic} to send");
+        let waiting = Cause::peer(name::port(&topic), " to send", None, "");
         let state = Arc::new(ListenerState {
+            source: topic.clone(),
+            pictures: spec.message_type.data_type() == DataType::Image,
             port: Mutex::default(),
             device: Device::new(spec.message_type, &options, &topic),
             formats: SenderFormats::new(spec.message_type, &options, shared),
@@ -125,54 +132,36 @@ impl YarpListener {
             inbox: sender,
             limit: spec.limits.message_bytes,
             losses: Losses::default(),
+            options,
         });
-        let (stop, stopped) = shared.tasks.stop();
-        let dialect = shared.network(&options).dialect();
-        let pictures = spec.message_type.data_type() == DataType::Image;
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
-        shared.tasks.spawn(
-            &topic.clone(),
-            move |what| told.link_state.waiting(what),
-            move || keep(kept.clone(), topic.clone(), options.clone(), pictures, stopped.clone()),
-        );
+        let dialect = shared.network(&state.options).dialect();
+        let kept = (Arc::clone(shared), Arc::clone(&state));
+        let stop = shared.tasks.spawn(&topic, &state.link_state, kept, serve, close);
         Ok(Self { spec: spec.clone(), dialect, inbox: receiver, state, _stop: stop })
     }
 }
 
-/// The life of a port.
-async fn keep(
-    (shared, state): (Arc<Shared>, Arc<ListenerState>),
-    topic: String,
-    options: YarpOptions,
-    pictures: bool,
-    mut stopped: Stopped,
-) {
-    // A task that panicked has left its port open.
-    close(&state).await;
-    let opened = until_open(&shared, &topic, &state.link_state, || {
-        let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
-        let (network, shared, state) =
-            (shared.network(&options), Arc::clone(&shared), Arc::clone(&state));
-        let senders = YarpOptions::admission(options.from_peers.as_ref());
-        async move {
-            let port_options = PortOptions { pictures, senders, ..PortOptions::default() };
-            network
-                .serve(&name, &port_options, move |received, _| {
-                    let (shared, state) = (Arc::clone(&shared), Arc::clone(&state));
-                    async move {
-                        state.put(received, &shared).await;
-                        Answer::Nothing
-                    }
-                })
-                .await
-        }
-    });
-    let port = tokio::select! {
-        () = stopped.wait() => return,
-        port = opened => port,
-    };
+/// Has the port open.
+async fn serve((shared, state): (Arc<InstanceState>, Arc<ListenerState>)) {
+    let (topic, options) = (&state.source, &state.options);
+    let network = shared.network(options);
+    let senders = YarpOptions::admission(options.from_peers.as_ref());
+    let wanted = PortOptions { pictures: state.pictures, senders, ..PortOptions::default() };
+    let port = until_open(&shared, topic, &state.link_state, || async {
+        let name = options.port.clone().unwrap_or_else(|| numbered(topic));
+        let (shared, state) = (Arc::clone(&shared), Arc::clone(&state));
+        let take = move |received, _| {
+            let (shared, state) = (Arc::clone(&shared), Arc::clone(&state));
+            async move {
+                state.put(received, &shared).await;
+                Answer::Nothing
+            }
+        };
+        network.serve(&name, &wanted, take).await
+    })
+    .await;
     let own = port.name().to_owned();
-    let (connection, changes) = (PortConnection::from(&topic, &own, &options), port.connected());
+    let (connection, changes) = (PortConnection::from(topic, &own, options), port.connected());
     *state.port.lock() = Some(port);
     let counted = async {
         let mut changes = changes.clone();
@@ -191,27 +180,24 @@ async fn keep(
         }
     };
     let is_connected = || state.sources().iter().any(|source| source == connection.other());
-    let say = |why: String| {
+    let say = |why: Cause| {
         // Another program may have made the connection.
         if state.sources().is_empty() {
             state.link_state.waiting(why);
         }
     };
     tokio::select! {
-        () = stopped.wait() => {}
         () = counted => {}
         () = connection.keep(&shared, changes.clone(), is_connected, say) => {}
         () = state.device.follow(&shared, changes.clone(), || !state.sources().is_empty()) => {}
     }
-    connection.forget(&shared).await;
-    close(&state).await;
-    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Closes the port that is open, if any.
-async fn close(state: &ListenerState) {
+async fn close((shared, state): (Arc<InstanceState>, Arc<ListenerState>)) {
     let port = state.port.lock().take();
     if let Some(port) = port {
+        PortConnection::from(&state.source, port.name(), &state.options).forget(&shared).await;
         port.close().await;
     }
 }

@@ -10,16 +10,16 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::sync::{Mutex, mpsc};
-use wrapyfi_yarp::port::{OutputPort, PortOptions};
+use wrapyfi_yarp::port::PortOptions;
 use wrapyfi_yarp::{Bottle, Value};
 
 use super::link_state::LinkState;
 use super::opening::until_open;
 use super::options::YarpOptions;
 use super::port_connection::PortConnection;
-use super::shared::Shared;
-use wrapyfi_endpoint::Wake;
+use super::shared::InstanceState;
 use wrapyfi_endpoint::restart::restarted;
+use wrapyfi_endpoint::{Cause, LogSink, Wake};
 
 /// The port that YARP's programs send their log to.
 const LOGGER: &str = "/yarplogger";
@@ -28,11 +28,11 @@ const MOST: usize = 256;
 
 /// Takes the lines of a program's log.
 #[derive(Debug)]
-pub struct LogPort(mpsc::Sender<Bottle>);
+pub(super) struct LogPort(mpsc::Sender<Bottle>);
 
 impl LogPort {
     /// The port of this program, where the environment asks for one.
-    pub(super) fn open(shared: &Arc<Shared>) -> Option<Self> {
+    pub(super) fn open(shared: &Arc<InstanceState>) -> Option<Self> {
         if !shared.environment.is_on("YARP_FORWARD_LOG_ENABLE") {
             return None;
         }
@@ -45,9 +45,10 @@ impl LogPort {
         ));
         Some(Self(sender))
     }
+}
 
-    /// Sends a line of `component`. `level` is `ERROR`, `WARNING`, `INFO` or `DEBUG`.
-    pub fn write(&self, level: &str, component: &str, text: &str) {
+impl LogSink for LogPort {
+    fn write(&self, level: &str, component: &str, text: &str) {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
         let pair = |key: &str, value: Value| Value::List(Bottle::from(vec![key.into(), value]));
         let line = vec![
@@ -72,15 +73,12 @@ fn name() -> String {
 }
 
 /// Has the port open, and sends what comes.
-async fn run(shared: Arc<Shared>, name: String, lines: Arc<Mutex<mpsc::Receiver<Bottle>>>) {
+async fn run(shared: Arc<InstanceState>, name: String, lines: Arc<Mutex<mpsc::Receiver<Bottle>>>) {
     let mut lines = lines.lock().await;
-    let link_state = LinkState::new(Wake::new(), String::new());
+    let link_state = LinkState::new(Wake::new(), Cause::Starting("the port of the log"));
     let options = PortOptions { queue: MOST, ..PortOptions::default() };
-    let port: OutputPort = until_open(&shared, &name, &link_state, || {
-        let (network, name, options) = (shared.network.clone(), name.clone(), options.clone());
-        async move { network.open_output(&name, &options).await }
-    })
-    .await;
+    let open = || shared.network.open_output(&name, &options);
+    let port = until_open(&shared, &name, &link_state, open).await;
     shared.own.insert(port.name());
     let wish = YarpOptions {
         carrier: Some("fast_tcp".to_owned()),

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use wrapyfi_yarp::port::{Fate, Loss, Room, Written};
+use wrapyfi_yarp::port::{Fate, Loss, Message, PayloadKind, Port, PortPayload, Room, Written};
+use wrapyfi_yarp::sig::Stamp;
 
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share};
 
@@ -29,7 +30,7 @@ pub(super) struct Losses(Mutex<BTreeMap<&'static str, u64>>);
 
 impl Losses {
     /// Counts the faults that the port has noticed since the last call.
-    pub(super) fn count(&self, port: &wrapyfi_yarp::port::Counters, counters: &Counters) {
+    pub(super) fn count(&self, port: &wrapyfi_yarp::port::FaultCounts, counters: &Counters) {
         let mut counted = self.0.lock();
         for (fault, reason) in REASONS {
             let (now, known) = (port.get(fault), counted.entry(fault).or_default());
@@ -65,6 +66,26 @@ impl Sent {
         }
     }
 
+    /// Writes it to the readers of `port`: files to those of carrier mjpeg, objects to all others.
+    pub(super) fn write(
+        self: &Arc<Self>,
+        port: &Port,
+        payload: PortPayload,
+        stamp: Option<Stamp>,
+        written: &mut Written,
+    ) {
+        let is_file = payload.kind == PayloadKind::Raw;
+        let fate: Arc<dyn Fate> = self.clone();
+        let mut message = Message { fate: Some(fate), ..Message::new(payload) };
+        if let Some(stamp) = stamp {
+            message = message.stamped(stamp);
+        }
+        let more = if is_file { port.write_picture(message) } else { port.write_object(message) };
+        written.targets += more.targets;
+        written.dropped += more.dropped;
+        written.over_budget += more.over_budget;
+    }
+
     /// Counts what had no place in a reader's queue.
     pub(super) fn queued(&self, written: Written) {
         match written {
@@ -74,7 +95,7 @@ impl Sent {
         }
     }
 
-    /// The publisher's owner counts it: nobody else does any more.
+    /// The publisher's owner counts it: no other code does any more.
     pub(super) fn refused(&self) {
         self.missed.store(true, Relaxed);
     }
@@ -127,7 +148,7 @@ mod tests {
 
     #[test]
     fn each_loss_is_counted_once() {
-        let (port, counters) = (wrapyfi_yarp::port::Counters::default(), Counters::default());
+        let (port, counters) = (wrapyfi_yarp::port::FaultCounts::default(), Counters::default());
         let losses = Losses::default();
         for rounds in 1..=3 {
             port.add("message_too_large");

@@ -1,11 +1,13 @@
 //! Opens a port, however long its name is taken or the name server is away.
 
+use super::name;
 use std::time::Duration;
 
 use wrapyfi_yarp::port::OpenError;
 
 use super::link_state::LinkState;
-use super::shared::Shared;
+use super::shared::InstanceState;
+use wrapyfi_endpoint::Cause;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Pause before a port's name is tried again whose program has closed its connection.
@@ -14,7 +16,7 @@ const ENDED: Duration = Duration::from_millis(50);
 /// Opens a port with `open`, again and again until it succeeds; `link_state` is told why not yet.
 /// `name` is what it depends on.
 pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
-    shared: &Shared,
+    shared: &InstanceState,
     name: &str,
     link_state: &LinkState,
     mut open: impl FnMut() -> F,
@@ -23,19 +25,17 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
     let mut backoff = Backoff::of_name(name);
     loop {
         let mut taken = None;
-        let say = |what| link_state.waiting(what);
+        let say = |what: Cause| link_state.waiting(what);
         match shared.directory.answers("to register a port of ours", open(), say).await {
             Ok(port) => return port,
             Err(OpenError::Taken(name)) => {
-                link_state.waiting(format!(
-                    "the name {name}, which another program's port has: end that one, or set \
-                     option port"
-                ));
+                link_state
+                    .waiting(Cause::NameTaken { port: name::address(&name), was_ours: false });
                 taken = shared.located(&name).await.and_then(|entry| entry.contact());
             }
             Err(error) => {
                 let away = shared.directory.waiting_for();
-                link_state.waiting(away.unwrap_or_else(|| error.to_string()));
+                link_state.waiting(away.unwrap_or_else(|| Cause::Transport(error.to_string())));
             }
         }
         // A name server does not tell that the program of a port was killed.
@@ -53,7 +53,7 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
     }
 }
 
-/// A name for a port that nobody has to know: that of what it reads, with a number, as Wrapyfi's.
+/// A name for a port that no program has to know: that of what it reads, with a number, as Wrapyfi's.
 pub(super) fn numbered(topic: &str) -> String {
     format!("{topic}:in{}", number())
 }
@@ -61,6 +61,6 @@ pub(super) fn numbered(topic: &str) -> String {
 /// A random number of five digits at most.
 pub(super) fn number() -> u64 {
     use std::hash::{BuildHasher, Hasher};
-    // Keys of the map that nobody uses: what the standard library has for random numbers.
+    // Keys of a map that is not used otherwise: what the standard library has for random numbers.
     std::hash::RandomState::new().build_hasher().finish() % 100_000
 }

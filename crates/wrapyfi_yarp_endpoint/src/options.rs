@@ -6,6 +6,7 @@
 //!
 //! Options that are not listed here belong to the other end of a route and are left alone.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -227,6 +228,14 @@ impl YarpOptions {
     pub(super) fn admission(peers: Option<&Peers>) -> Option<Admission> {
         let peers = peers?.clone();
         Some(Admission::new(move |name, address| peers.admits(name, address)))
+    }
+
+    /// These options with the format that was found, where they leave it to be.
+    pub(super) fn with_found(&self, format: BottleFormat) -> Cow<'_, Self> {
+        if !self.finds_format || self.bottle.is_some() {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Self { bottle: Some(format), ..self.clone() })
     }
 
     /// Angles of YARP as ROS has them.
@@ -504,36 +513,6 @@ mod tests {
             let error = read(Map::from([(option, value)])).unwrap_err().to_string();
             assert!(error.contains(wanted), "{error}");
         }
-    }
-
-    #[test]
-    fn the_examples_for_robots_are_plans() {
-        use wrapyfi_endpoint::EndpointAddress;
-        use wrapyfi_engine::{Available, Config, Plan};
-        use wrapyfi_interfaces::store::TypeStore;
-
-        let plan = |text: &str| {
-            let config: Config<std::collections::BTreeMap<String, serde_json::Value>> =
-                Config::from_yaml(text, "robot.yaml").unwrap();
-            let known = |name, options| Available { name, options, ..Available::default() };
-            let ends = [known("yarp", OPTIONS), known("ros2", &[])];
-            Plan::new(&config, &ends, &mut TypeStore::generated(), "robot.yaml").unwrap()
-        };
-        let options = |plan: &Plan| -> Vec<YarpOptions> {
-            let at_yarp = |ends: [&EndpointAddress; 2]| {
-                ends.into_iter().find(|end| end.middleware == "yarp").unwrap().clone()
-            };
-            let specs = plan.routes.iter().map(|it| it.topic_spec(&at_yarp([&it.from, &it.to])));
-            specs.map(|spec| YarpOptions::of_topic(&spec).unwrap()).collect()
-        };
-        let icub = plan(include_str!("../../../config/icub.yaml"));
-        assert!(options(&icub).len() > 10, "{icub:?}");
-        // A board is a route in each direction.
-        let arm = plan(include_str!("../../../config/arm_for_yarp.yaml"));
-        let ends: Vec<String> = arm.routes.iter().map(|route| route.ends().to_string()).collect();
-        let command = "ros2:/joint_trajectory_controller/joint_trajectory";
-        assert_eq!(ends, ["ros2:/joint_states -> yarp:/arm", &format!("yarp:/arm -> {command}")]);
-        assert!(options(&arm).iter().all(|it| it.board && it.ranges.len() == 4), "{arm:?}");
     }
 
     #[test]

@@ -2,6 +2,9 @@
 //! not found.
 
 use std::collections::BTreeSet;
+
+use wrapyfi_yarp::port::Port;
+
 use wrapyfi_endpoint::Mutex;
 
 /// Names of our ports. A name belongs to one port of a network at a time.
@@ -18,8 +21,15 @@ impl OwnPorts {
         self.with(|names, changes| *changes += u64::from(names.insert(name.to_owned())));
     }
 
-    pub(super) fn remove(&self, name: &str) {
+    fn remove(&self, name: &str) {
         self.with(|names, changes| *changes += u64::from(names.remove(name)));
+    }
+
+    /// Closes a port, which others may have found.
+    pub(super) async fn close(&self, port: Port) {
+        let name = port.name().to_owned();
+        port.close().await;
+        self.remove(&name);
     }
 
     pub(super) fn contains(&self, name: &str) -> bool {

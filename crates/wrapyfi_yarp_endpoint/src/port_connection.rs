@@ -3,19 +3,20 @@
 //! ```text
 //!   persistent   name server: subscribe /cam ─▶ /cam:in7        it connects whenever both are there, else as below
 //!   otherwise    /cam: [add] tcp://cam:in7                      we ask, and ask again
-//!   neither      nobody called /cam: waits for its name, without asking
+//!   neither      no port called /cam: waits for its name, without asking
 //! ```
 
+use super::name;
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::port::Connected;
 
 use super::directory::unless_slow;
-use super::name::UNOPENED;
 use super::options::YarpOptions;
-use super::shared::Shared;
+use super::shared::InstanceState;
 use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Cause, Named, PeerFault};
 
 /// Time that the name server has to make the connection before it is reminded.
 const TIMEOUT: Duration = Duration::from_millis(200);
@@ -60,13 +61,13 @@ impl PortConnection {
         if self.own == self.source { &self.destination } else { &self.source }
     }
 
-    /// Description of the connection that is awaited, and `why`.
-    fn missing(&self, why: &str) -> String {
-        format!("port {} to connect{why}", self.other())
+    /// Cause that the connection is not there, with its fault.
+    fn missing(&self, fault: Option<&PeerFault>, hint: &'static str) -> Cause {
+        Cause::peer(name::port(self.other()), " to connect", fault.cloned(), hint)
     }
 
     /// True when the other port, as it is now, is a source of files that may be no port of YARP.
-    async fn reads_files(&self, shared: &Shared) -> bool {
+    async fn reads_files(&self, shared: &InstanceState) -> bool {
         let is_source = self.own == self.destination;
         is_source && shared.located(self.other()).await.is_some_and(|other| other.has_files())
     }
@@ -75,10 +76,10 @@ impl PortConnection {
     /// look again; `say` is told why it is not.
     pub(super) async fn keep(
         &self,
-        shared: &Shared,
+        shared: &InstanceState,
         mut changed: watch::Receiver<Connected>,
         is_connected: impl Fn() -> bool,
-        say: impl Fn(String),
+        say: impl Fn(Cause),
     ) {
         let bell = shared.directory.watch(self.other());
         let (mut backoff, mut subscribed) =
@@ -87,7 +88,7 @@ impl PortConnection {
         loop {
             let reached = shared.directory.reached();
             if reached.is_none() {
-                say(shared.directory.waiting_for().unwrap_or_default());
+                shared.directory.waiting_for().into_iter().for_each(&say);
                 news(&bell, &mut changed).await;
                 continue;
             }
@@ -104,7 +105,10 @@ impl PortConnection {
                 let asked = shared.registrar.client().subscribe(&self.source, &to);
                 let what = format!("to connect port {}", self.other());
                 if let Err(error) = shared.directory.answers(&what, asked, &say).await {
-                    say(format!("the name server to connect it: {error}"));
+                    let fault = PeerFault::Transport(error.to_string());
+                    let address = shared.directory.address().to_owned();
+                    let server = Named { words: "the name server".to_owned(), address };
+                    say(Cause::peer(server, " to connect it", Some(fault), ""));
                     tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
                     continue;
                 }
@@ -119,7 +123,7 @@ impl PortConnection {
                 continue;
             }
             if !shared.directory.knows(self.other()) {
-                say(format!("port {}{UNOPENED}", self.other()));
+                say(Cause::NotOpened(name::address(self.other())));
                 news(&bell, &mut changed).await;
                 continue;
             }
@@ -128,15 +132,15 @@ impl PortConnection {
             if !persistent || is_reminded {
                 let (from, to) = (&self.source, &self.destination);
                 let asked = shared.network.connect(from, to, Some(carrier));
-                failure = unless_slow(asked, || say(self.missing(""))).await.err();
+                failure = unless_slow(asked, || say(self.missing(None, ""))).await.err();
             }
-            let why = failure.map_or_else(String::new, |error| format!(": {error}"));
+            let fault = failure.map(|error| PeerFault::Transport(error.to_string()));
             let hint = shared.hint(self.other());
-            let hint = unless_slow(hint, || say(self.missing(&why))).await;
+            let hint = unless_slow(hint, || say(self.missing(fault.as_ref(), ""))).await;
             if is_connected() {
                 continue;
             }
-            say(self.missing(&format!("{why}{hint}")));
+            say(self.missing(fault.as_ref(), hint));
             tokio::select! {
                 () = bell.notified() => {
                     backoff.reset();
@@ -156,7 +160,7 @@ impl PortConnection {
     }
 
     /// Takes the wish back at the name server, which would keep it for ever.
-    pub(super) async fn forget(&self, shared: &Shared) {
+    pub(super) async fn forget(&self, shared: &InstanceState) {
         if !self.persistent {
             return;
         }

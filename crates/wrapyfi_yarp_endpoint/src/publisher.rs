@@ -1,18 +1,18 @@
-//! A topic published: an output port that anybody may connect.
+//! A topic published: an output port that any program may connect.
 //!
 //! ```text
-//!   publish ── payload::encode ──▶ OutputPort ══▶ readers            the caller's thread, then tasks
+//!   publish ── payload::encode ──▶ Port ══▶ readers            the caller's thread, then tasks
 //!   task: opens the port, counts its readers, keeps it connected to `out_topic_connect`
 //!
 //!   JointTrajectory ─▶ movements for a control board ─▶ a task writes each at its time, unless another
 //!                                                       message comes before
 //!
-//!   /cam                  ─▶ port /cam                              anybody connects it
+//!   /cam                  ─▶ port /cam                              any program connects it
 //!   /icub/head/command:i  ─▶ port /icub/head/command:i:out:417 ══▶ the robot's /icub/head/command:i
 //! ```
 //!
 //! A topic whose name is that of an input port of another program ([`input`]) writes to that port,
-//! now or whenever it comes. Our own port then has a name that nobody has to know, so the input's
+//! now or whenever it comes. Our own port then has a name that no program has to know, so the input's
 //! name stays free for the program that opens it. Publishers of one name share the port ([`super::shared_output`]).
 
 use std::sync::Arc;
@@ -21,26 +21,27 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 use tokio::time::Instant;
-use wrapyfi_yarp::port::{Connected, Fate, Message, Overflow, PayloadKind, PortOptions, Written};
+use wrapyfi_yarp::port::{Connected, Overflow, PortOptions, Written};
 use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::device::Device;
-use super::found_format;
 use super::input;
 use super::link_state::LinkState;
 use super::losses::Sent;
-use super::name::check_name;
+use super::name::{NAME, check_name};
 use super::opening::{number, until_open};
 use super::options::{BottleFormat, YarpOptions};
 use super::payload::{self, Outgoing};
 use super::port_connection::PortConnection;
-use super::shared::Shared;
+use super::shared::InstanceState;
 use super::shared_output::{PortSettings, SharedOutput};
-use super::tasks::{Stop, Stopped};
+use super::tasks::Stop;
+use super::{found_format, name};
 use wrapyfi_data::types::{DataType, MessageType, Payload, Stamp};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Context, Counters, DropReason, Link, Mutex, OpenResult, PublishError, Publisher, TopicSpec,
+    Absent, Cause, Context, Counters, DropReason, Link, Mutex, OpenResult, PublishError, Publisher,
+    Role, TopicSpec,
 };
 
 /// Sends one topic.
@@ -52,7 +53,7 @@ pub(super) struct YarpPublisher {
     depth: usize,
     state: Arc<PublisherState>,
     counters: Arc<Counters>,
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     _stop: Stop,
 }
 
@@ -62,6 +63,9 @@ struct PublisherState {
     /// The port's name before the environment changes it.
     given: String,
     name: String,
+    options: YarpOptions,
+    /// True where the messages are pictures.
+    pictures: bool,
     port: Mutex<Option<Arc<SharedOutput>>>,
     /// The port writes to an input of another program.
     commands: AtomicBool,
@@ -87,18 +91,11 @@ impl PublisherState {
         let output = self.port.lock();
         let SharedOutput { port, count, .. } = output.as_deref()?;
         for Outgoing { payload, stamp } in messages {
-            let is_file = payload.kind == PayloadKind::Raw;
-            let fate: Arc<dyn Fate> = sent.clone();
-            let mut message = Message { fate: Some(fate), ..Message::new(payload) };
-            if let Some(stamp) = stamp {
+            let stamp = stamp.map(|stamp| {
                 let count = *number.get_or_insert_with(|| count.fetch_add(1, Relaxed));
-                message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
-            }
-            let more =
-                if is_file { port.write_picture(message) } else { port.write_object(message) };
-            written.targets += more.targets;
-            written.dropped += more.dropped;
-            written.over_budget += more.over_budget;
+                wrapyfi_yarp::sig::Stamp { count, ..stamp }
+            });
+            sent.write(port, payload, stamp, &mut written);
         }
         Some(written)
     }
@@ -113,7 +110,7 @@ impl PublisherState {
 
 impl YarpPublisher {
     pub(super) fn open(
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &TopicSpec,
         options: YarpOptions,
         context: &Context,
@@ -122,7 +119,7 @@ impl YarpPublisher {
         check_name(&name)?;
         let given = name;
         let name = shared.own_name(&given);
-        let waiting = format!("port {name} to open");
+        let waiting = Cause::peer(name::port(&name), " to open", None, "");
         let link_state = Arc::new(LinkState::new(context.wake.clone(), waiting));
         let with_colon = input::with_colon(&spec.topic).filter(|port| input::is_input(port));
         let destination = options.out_topic_connect.as_deref();
@@ -138,16 +135,12 @@ impl YarpPublisher {
             writes_json: found_format::writes_json(spec.message_type, &options),
             link_state,
             messages: AtomicU64::new(0),
+            pictures: spec.message_type.data_type() == DataType::Image,
+            options,
         });
-        let (stop, stopped) = shared.tasks.stop();
-        let dialect = shared.network(&options).dialect();
-        let pictures = spec.message_type.data_type() == DataType::Image;
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
-        shared.tasks.spawn(
-            &state.name,
-            move |what| told.link_state.waiting(what),
-            move || keep(kept.clone(), options.clone(), pictures, stopped.clone()),
-        );
+        let dialect = shared.network(&state.options).dialect();
+        let kept = (Arc::clone(shared), Arc::clone(&state));
+        let stop = shared.tasks.spawn(&state.name, &state.link_state, kept, keep, close);
         Ok(Self {
             spec: spec.clone(),
             command_spec,
@@ -227,22 +220,15 @@ impl YarpPublisher {
 }
 
 /// The life of a publisher: ports one after the other, as input ports of its name come.
-async fn keep(
-    (shared, state): (Arc<Shared>, Arc<PublisherState>),
-    options: YarpOptions,
-    pictures: bool,
-    mut stopped: Stopped,
-) {
-    // A task that panicked has left its port open.
-    close(&shared, &state, &options).await;
-    // Whoever names the port, or what it is connected to, means that.
+async fn keep((shared, state): (Arc<InstanceState>, Arc<PublisherState>)) {
+    let options = &state.options;
+    // A user who names the port, or what it is connected to, means that.
     let is_fixed = options.port.is_some() || options.out_topic_connect.is_some();
     let is_free = !is_fixed && input::is_input(&state.given);
     let mut destination = is_free.then(|| state.given.clone());
     if !is_fixed && !input::may_mean(&state.given).is_empty() {
         // A port of ours that is closed again at once would only confuse.
-        let known = shared.directory.was_asked_in_time();
-        tokio::select! { () = stopped.wait() => return, () = known => {} }
+        shared.directory.was_asked_in_time().await;
     }
     loop {
         let found = async {
@@ -251,22 +237,19 @@ async fn keep(
             }
             new_input(&shared, &state, destination.as_deref()).await
         };
-        let serve = serve(&shared, &state, &options, pictures, destination.as_deref());
-        let next = tokio::select! {
-            () = stopped.wait() => None,
-            found = found => Some(found),
-            () = serve => None,
+        let found = tokio::select! {
+            found = found => found,
+            () = serve(&shared, &state, destination.as_deref()) => return,
         };
-        close(&shared, &state, &options).await;
-        let Some(found) = next else { break };
+        // To its end, whatever ends meanwhile.
+        _ = tokio::spawn(close((Arc::clone(&shared), Arc::clone(&state)))).await;
         tracing::info!("{} writes to the port {found}, which exists", state.name);
         destination = Some(found);
     }
-    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Waits for an input port that the publisher's name means, other than `now`, which is written to.
-async fn new_input(shared: &Shared, state: &PublisherState, now: Option<&str>) -> String {
+async fn new_input(shared: &InstanceState, state: &PublisherState, now: Option<&str>) -> String {
     let ports = input::may_mean(&state.given);
     if ports.is_empty() {
         return std::future::pending().await;
@@ -290,13 +273,9 @@ async fn new_input(shared: &Shared, state: &PublisherState, now: Option<&str>) -
 }
 
 /// Has a port open for as long as it is run.
-async fn serve(
-    shared: &Shared,
-    state: &PublisherState,
-    options: &YarpOptions,
-    pictures: bool,
-    destination: Option<&str>,
-) {
+async fn serve(shared: &InstanceState, state: &PublisherState, destination: Option<&str>) {
+    let PublisherState { options, pictures, .. } = state;
+    let pictures = *pictures;
     let wanted = PortOptions {
         pictures,
         readers: YarpOptions::admission(options.to_peers.as_ref()),
@@ -315,16 +294,13 @@ async fn serve(
         connects: connects.map(|to| (to, options.carrier.clone(), options.persistent)),
     };
     let opened = || async {
-        let port = until_open(shared, &state.name, &state.link_state, || {
-            let (network, wanted) = (shared.network(options), wanted.clone());
-            async move {
-                state.opening.send_replace(true);
-                let opened = network.open_output(given, &wanted).await;
-                if opened.is_err() {
-                    state.opening.send_replace(false);
-                }
-                opened
+        let port = until_open(shared, &state.name, &state.link_state, || async {
+            state.opening.send_replace(true);
+            let opened = shared.network(options).open_output(given, &wanted).await;
+            if opened.is_err() {
+                state.opening.send_replace(false);
             }
+            opened
         })
         .await;
         shared.own.insert(port.name());
@@ -341,10 +317,7 @@ async fn serve(
             break output;
         }
         state.opening.send_replace(false);
-        state.link_state.waiting(format!(
-            "port {given}, which another publisher of this program has: give both the same to_peers, \
-             out_topic_connect and type, or one of them another port"
-        ));
+        state.link_state.waiting(Cause::PortShared(name::address(given)));
         backoff.pause().await;
     };
     let name = output.port.name().to_owned();
@@ -388,16 +361,16 @@ fn connection(
 }
 
 /// Gives the port up that is open, if any; it closes with its last publisher.
-async fn close(shared: &Shared, state: &PublisherState, options: &YarpOptions) {
+async fn close((shared, state): (Arc<InstanceState>, Arc<PublisherState>)) {
     state.opening.send_replace(false);
     let output = state.port.lock().take();
     let Some(output) = output else { return };
     let name = output.port.name().to_owned();
-    let wish = connection(&name, options, None).filter(|_| !state.commands.load(Relaxed));
+    let wish = connection(&name, &state.options, None).filter(|_| !state.commands.load(Relaxed));
     output
         .close(&shared.own, async {
             if let Some(connection) = wish {
-                connection.forget(shared).await;
+                connection.forget(&shared).await;
             }
         })
         .await;
@@ -405,7 +378,7 @@ async fn close(shared: &Shared, state: &PublisherState, options: &YarpOptions) {
 
 /// Tells how many read, for as long as the port lives.
 async fn count_readers(
-    shared: &Shared,
+    shared: &InstanceState,
     own: &str,
     mut changes: watch::Receiver<Connected>,
     state: &PublisherState,
@@ -413,9 +386,12 @@ async fn count_readers(
 ) {
     loop {
         match changes.borrow_and_update().outputs {
-            // Whoever keeps the connection knows why it is not there.
+            // The keeper of the connection knows why it is not there.
             0 if commands => {}
-            0 => state.link_state.waiting(format!("a reader of {}", state.name)),
+            0 => {
+                let reader = Absent::new(Role::Listener, "a reader of", NAME, &state.name);
+                state.link_state.waiting(reader);
+            }
             readers => state.link_state.connected(readers),
         }
         state.readers().iter().for_each(|reader| shared.survey.met(reader, own, false));
@@ -426,7 +402,7 @@ async fn count_readers(
 }
 
 impl Publisher for YarpPublisher {
-    /// While nobody is connected nothing is encoded: [`PublishError::NoConsumer`]. Messages that slow
+    /// While no program is connected nothing is encoded: [`PublishError::NoConsumer`]. Messages that slow
     /// readers miss are counted as `send_queue_full`; those that a connection takes with it when it ends,
     /// as `connection_lost`. Readers of carrier mjpeg get a picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {

@@ -16,28 +16,28 @@ use std::sync::Arc;
 use bytes::Bytes;
 use tokio::sync::oneshot;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
+use wrapyfi_yarp::port::{Answer, Port, PortOptions, Received};
 
 use super::client_dialects::{self, ClientDialects, InDialects};
-use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::losses::Losses;
 use super::name::check_name;
 use super::opening::until_open;
 use super::options::{BottleFormat, YarpOptions};
 use super::payload;
-use super::shared::Shared;
-use super::tasks::{Stop, Stopped};
+use super::shared::InstanceState;
+use super::tasks::Stop;
+use super::{found_format, name};
 use wrapyfi_data::types::{Payload, ServiceKind};
 use wrapyfi_endpoint::codec::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, Link, Mutex, OpenResult, Request, ServiceSpec};
+use wrapyfi_endpoint::{Cause, Context, Link, Mutex, OpenResult, Request, ServiceSpec};
 
 /// Offers one service.
 pub(super) struct YarpServer {
     state: Arc<ServerState>,
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     _stop: Stop,
 }
 
@@ -63,12 +63,11 @@ struct ServerState {
     name: String,
     spec: ServiceSpec,
     options: YarpOptions,
-    formats: FoundFormat,
     dialect: Dialect,
     clients: Arc<ClientDialects>,
     context: Context,
-    link_state: LinkState,
-    port: Mutex<Option<RpcServer>>,
+    link_state: Arc<LinkState>,
+    port: Mutex<Option<Port>>,
     requests: Arc<Requests<Ask>>,
     losses: Losses,
 }
@@ -76,16 +75,16 @@ struct ServerState {
 impl ServerState {
     /// Reply to a request that failed. It has no floats, and so no dialect.
     fn error(&self, text: &str, format: RequestFormat) -> Bytes {
-        let options = self.formats.of(&self.options, format.bottle);
-        payload::encode_error(text, &self.spec, options, self.dialect)
+        let options = self.options.with_found(format.bottle);
+        payload::encode_error(text, &self.spec, &options, self.dialect)
     }
 
-    /// Writes an answer; twice where its floats differ and nobody knows what the client reads.
+    /// Writes an answer; twice where its floats differ and it is not known what the client reads.
     fn write(&self, answer: &Payload, format: RequestFormat) -> EncodeResult<InDialects> {
-        let options = self.formats.of(&self.options, format.bottle);
-        let reader_is_known = format.dialect.is_some() || payload::is_json(&self.spec, options);
+        let options = self.options.with_found(format.bottle);
+        let reader_is_known = format.dialect.is_some() || payload::is_json(&self.spec, &options);
         InDialects::of(format.dialect.unwrap_or(self.dialect), reader_is_known, |dialect| {
-            payload::encode_reply(answer, &self.spec, options, dialect)
+            payload::encode_reply(answer, &self.spec, &options, dialect)
         })
     }
 
@@ -110,7 +109,7 @@ impl ServerState {
             return if wants_reply { answer() } else { Answer::Nothing };
         }
         if !wants_reply {
-            // Plain data for a port of requests: served, and nobody hears the answer.
+            // Plain data for a port of requests: served, and no program hears the answer.
             return Answer::Nothing;
         }
         Answer::Object(match answered.await {
@@ -127,7 +126,7 @@ impl ServerState {
 
 impl YarpServer {
     pub(super) fn open(
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireServer<Self>> {
@@ -136,7 +135,7 @@ impl YarpServer {
         check_name(&name)?;
         let given = name;
         let name = shared.own_name(&given);
-        let waiting = format!("port {name} to open");
+        let waiting = Cause::peer(name::port(&name), " to open", None, "");
         let state = Arc::new(ServerState {
             given,
             name,
@@ -147,85 +146,62 @@ impl YarpServer {
                 shared.registrar.client().namespace(),
                 &options,
             )),
-            formats: FoundFormat::new(&options),
             options,
             context: context.clone(),
-            link_state: LinkState::new(context.wake.clone(), waiting),
+            link_state: Arc::new(LinkState::new(context.wake.clone(), waiting)),
             port: Mutex::default(),
             requests: Arc::new(Requests::new(spec, context)),
             losses: Losses::default(),
         });
-        let (stop, stopped) = shared.tasks.stop();
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
-        shared.tasks.spawn(
-            &state.name,
-            move |what| told.link_state.waiting(what),
-            move || keep(kept.clone(), stopped.clone()),
-        );
+        let kept = (Arc::clone(shared), Arc::clone(&state));
+        let stop = shared.tasks.spawn(&state.name, &state.link_state, kept, serve, close);
         let requests = Arc::clone(&state.requests);
         let wire = Self { state, shared: Arc::clone(shared), _stop: stop };
         Ok(WireServer::new(wire, requests, spec))
     }
 }
 
-/// The life of a port.
-async fn keep((shared, state): (Arc<Shared>, Arc<ServerState>), mut stopped: Stopped) {
-    // A task that panicked has left its port open.
-    close(&shared, &state).await;
-    let name = state.name.as_str();
-    let opened = until_open(&shared, name, &state.link_state, || {
-        let (network, state) = (shared.network(&state.options), Arc::clone(&state));
-        let given = state.given.clone();
-        async move {
-            let wanted = PortOptions { rpc: true, ..PortOptions::default() };
-            network
-                .serve(&given, &wanted, move |received, wants_reply| {
-                    let state = Arc::clone(&state);
-                    async move { state.ask(received, wants_reply).await }
-                })
-                .await
-        }
-    });
-    let port = tokio::select! {
-        () = stopped.wait() => return,
-        port = opened => port,
-    };
+/// Has the port open.
+async fn serve((shared, state): (Arc<InstanceState>, Arc<ServerState>)) {
+    let (name, network) = (state.name.as_str(), shared.network(&state.options));
+    let wanted = PortOptions { rpc: true, ..PortOptions::default() };
+    let port = until_open(&shared, name, &state.link_state, || {
+        let asked = Arc::clone(&state);
+        network.serve(&state.given, &wanted, move |received, wants_reply| {
+            let state = Arc::clone(&asked);
+            async move { state.ask(received, wants_reply).await }
+        })
+    })
+    .await;
     let mut changes = port.connected();
     shared.own.insert(name);
     *state.port.lock() = Some(port);
     if state.is_function() {
         found_format::mark(&shared, name).await;
     }
-    let counted = async {
-        loop {
-            changes.mark_unchanged();
-            if let Some(port) = &*state.port.lock() {
-                state.losses.count(port.counters(), &state.context.counters);
-                let status = port.status();
-                let clients = status.iter().filter(|one| one.incoming && one.name.starts_with('/'));
-                state.link_state.connected(clients.count());
-            }
-            if changes.changed().await.is_err() {
-                return;
-            }
+    loop {
+        changes.mark_unchanged();
+        if let Some(port) = &*state.port.lock() {
+            state.losses.count(port.fault_counts(), &state.context.counters);
+            let status = port.status();
+            let clients = status.iter().filter(|one| one.incoming && one.name.starts_with('/'));
+            state.link_state.connected(clients.count());
         }
-    };
-    tokio::select! {
-        () = stopped.wait() => {}
-        () = counted => {}
+        if changes.changed().await.is_err() {
+            return;
+        }
     }
-    // Those who wait learn at once that nobody will answer: their ways back are dropped.
-    drop(state.requests.close());
-    close(&shared, &state).await;
-    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Closes the port that is open, if any.
-async fn close(shared: &Shared, state: &ServerState) {
+async fn close((shared, state): (Arc<InstanceState>, Arc<ServerState>)) {
     let port = state.port.lock().take();
     if let Some(port) = port {
-        port.close().await;
-        shared.own.remove(&state.name);
+        // Those who wait learn at once that no answer will come: their ways back are dropped.
+        while let Some(waiting) = state.requests.next() {
+            state.requests.ended(waiting.bytes);
+        }
+        shared.own.close(port).await;
     }
 }
 
@@ -235,8 +211,8 @@ impl ServerWire for YarpServer {
 
     fn read(&self, Ask { body, format, .. }: &Ask) -> Result<Request, DecodeError> {
         let ServerState { spec, options, dialect, .. } = &*self.state;
-        let options = self.state.formats.of(options, format.bottle);
-        payload::decode_request(body, spec, options, format.dialect.unwrap_or(*dialect))
+        let options = options.with_found(format.bottle);
+        payload::decode_request(body, spec, &options, format.dialect.unwrap_or(*dialect))
     }
 
     fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<InDialects> {
@@ -247,7 +223,7 @@ impl ServerWire for YarpServer {
         let failed = |why: &str| InDialects { usual: self.state.error(why, format), other: None };
         let answer = answer.unwrap_or_else(failed);
         let bytes = answer.usual.len();
-        // Whoever asked may be gone: then nobody waits for it any more.
+        // The program that asked may be gone: then no client waits for it any more.
         reply.send(answer).ok();
         Ok(Some(bytes))
     }

@@ -1,5 +1,6 @@
 //! State that all endpoints of one YARP instance share.
 
+use super::name;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
@@ -14,10 +15,11 @@ use super::shared_output::SharedOutputs;
 use super::survey::Survey;
 use super::tasks::Tasks;
 use super::types::Types;
+use wrapyfi_endpoint::Cause;
 use wrapyfi_endpoint::network::ReachedByOthers;
 
 /// State that all endpoints of one YARP instance share.
-pub(super) struct Shared {
+pub(super) struct InstanceState {
     pub(super) network: Network,
     pub(super) registrar: Registrar,
     pub(super) directory: Arc<Directory>,
@@ -36,7 +38,7 @@ pub(super) struct Shared {
     pub(super) refused: Option<ReachedByOthers>,
 }
 
-impl Shared {
+impl InstanceState {
     /// Refuses to open ports that others connect to where other machines would reach them without
     /// permission.
     pub(super) fn may_listen(&self) -> Result<(), ReachedByOthers> {
@@ -44,7 +46,7 @@ impl Shared {
     }
 
     /// A port that only asks. It listens on this machine alone if ports may not be open to others, and
-    /// nobody is told: its server answers on the connection that it is asked on.
+    /// no program is told: its server answers on the connection that it is asked on.
     pub(super) fn asking(&self) -> PortOptions {
         match self.refused {
             None => PortOptions::default(),
@@ -109,11 +111,9 @@ impl Shared {
     }
 
     /// Reason why a port of ours is not found under its name; `None` where it is.
-    pub(super) fn taken(&self, name: &str) -> Option<String> {
+    pub(super) fn taken(&self, name: &str) -> Option<Cause> {
         let status = self.registrar.status();
         let taken = status.borrow().taken.iter().any(|taken| taken == name);
-        taken.then(|| {
-            format!("the name {name}, which another program took from us: end that one, or set option port")
-        })
+        taken.then(|| Cause::NameTaken { port: name::address(name), was_ours: true })
     }
 }

@@ -1,6 +1,6 @@
 //! Output ports by name: publishers of one name share one port, which closes with the last of them.
 //!
-//! The name server keeps the last registration of a name only. Were there two ports, nobody would ever
+//! The name server keeps the last registration of a name only. Were there two ports, no program would ever
 //! connect the first.
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicI32;
 use std::sync::{Arc, Weak};
 
 use tokio::sync::Mutex as AsyncMutex;
-use wrapyfi_yarp::port::OutputPort;
+use wrapyfi_yarp::port::Port;
 
 use super::own::OwnPorts;
 use wrapyfi_endpoint::{Mutex, Peers};
@@ -31,7 +31,7 @@ pub(super) struct PortSettings {
 /// A port that is open.
 #[derive(Debug)]
 pub(super) struct SharedOutput {
-    pub(super) port: OutputPort,
+    pub(super) port: Port,
     /// Number of the next message with a time.
     pub(super) count: AtomicI32,
     settings: PortSettings,
@@ -46,7 +46,7 @@ pub(super) struct SharedOutputs(Mutex<BTreeMap<String, Place>>);
 impl SharedOutputs {
     /// The port of this name, opened by `open` where it is not; `None` where a publisher has it open with
     /// other settings.
-    pub(super) async fn open<F: Future<Output = OutputPort>>(
+    pub(super) async fn open<F: Future<Output = Port>>(
         &self,
         name: &str,
         settings: &PortSettings,
@@ -76,13 +76,11 @@ impl SharedOutput {
     /// Gives the port up; the last publisher closes it, and runs `farewell` before.
     pub(super) async fn close(self: Arc<Self>, own: &OwnPorts, farewell: impl Future<Output = ()>) {
         let place = Arc::clone(&self.place);
-        // Nobody else can take the port up, or open one of its name, until it is closed.
+        // No other program can take the port up, or open one of its name, until it is closed.
         let _held = place.lock().await;
         if let Some(output) = Arc::into_inner(self) {
             farewell.await;
-            let name = output.port.name().to_owned();
-            output.port.close().await;
-            own.remove(&name);
+            own.close(output.port).await;
         }
     }
 }

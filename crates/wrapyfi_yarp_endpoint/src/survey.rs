@@ -1,14 +1,14 @@
 //! Answers of ports about themselves; each port is asked once.
 //!
 //! ```text
-//!   names that somebody wants ─ ask ─▶ at most 8 at once: Network::inspect, one connection a port
+//!   names that a program wants ─ ask ─▶ at most 8 at once: Network::inspect, one connection a port
 //!        ▲                                │ told: never again until the name server enters it anew
 //!        └────── Answers ◀────────────────┴ silent: again after 0.5 s, 1 s, … 5 min
 //!   connected with us as what it is not ─▶ once more
 //!   in the way of a route ─▶ one connection that stays; when it ends, once more: refused ─▶ gone
 //! ```
 //!
-//! All who look share the answers. A port is asked only when somebody wants to know, and never in
+//! All who look share the answers. A port is asked only when a program wants to know, and never in
 //! turns. A name server keeps the ports of programs that were killed.
 
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ const LAST_AGAIN: Duration = Duration::from_secs(300);
 /// The answers of a network.
 #[derive(Debug)]
 pub(super) struct Survey {
-    answers: Mutex<BTreeMap<String, Answer>>,
+    answers: Mutex<BTreeMap<String, PortAnswer>>,
     /// Counts what was answered, or was not.
     changes: AtomicU64,
     pub(super) room: Arc<Semaphore>,
@@ -42,12 +42,12 @@ pub(super) struct Survey {
 
 /// Answer of one port.
 #[derive(Debug, Clone, Default)]
-struct Answer {
+struct PortAnswer {
     /// The port that it is of.
     number: u64,
-    state: State,
+    state: QuestionState,
     inspection: Option<Arc<Inspection>>,
-    /// True where nobody is at the port's address any more.
+    /// True where no program is at the port's address any more.
     is_gone: bool,
     /// True where the port's address has refused once: its program was killed, or is about to listen.
     may_be_gone: bool,
@@ -57,7 +57,7 @@ struct Answer {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-enum State {
+enum QuestionState {
     /// Question under way.
     #[default]
     Asked,
@@ -70,7 +70,7 @@ enum State {
 /// Reason why a port does not answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
-    /// Nobody is at its address.
+    /// No program is at its address.
     Refused,
     /// It may be there: a machine or network that is away proves nothing.
     NoAnswer,
@@ -91,14 +91,14 @@ pub(super) fn pause(failures: u32) -> Duration {
     FIRST_AGAIN.saturating_mul(1 << failures.saturating_sub(1).min(16)).min(LAST_AGAIN)
 }
 
-impl Answer {
+impl PortAnswer {
     /// True when the port has to be asked.
     fn is_due(&self, number: u64, now: Instant) -> bool {
         match self.state {
             _ if self.number != number => true,
-            State::Asked | State::Answered => false,
-            State::Stale => true,
-            State::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
+            QuestionState::Asked | QuestionState::Answered => false,
+            QuestionState::Stale => true,
+            QuestionState::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
         }
     }
 }
@@ -116,10 +116,13 @@ impl Survey {
 
     /// True while the answer of a port is awaited.
     pub(super) fn is_being_asked(&self, name: &str) -> bool {
-        self.answers.lock().get(name).is_some_and(|answer| matches!(answer.state, State::Asked))
+        self.answers
+            .lock()
+            .get(name)
+            .is_some_and(|answer| matches!(answer.state, QuestionState::Asked))
     }
 
-    /// True for a port that is registered, and nobody is at its address.
+    /// True for a port that is registered, and no program is at its address.
     pub(super) fn is_gone(&self, name: &str) -> bool {
         self.answers.lock().get(name).is_some_and(|answer| answer.is_gone)
     }
@@ -131,13 +134,13 @@ impl Survey {
         answer.is_some_and(|answer| !std::mem::replace(&mut answer.is_watched, true))
     }
 
-    /// Notes that the connection has ended that told when a port ends, and whether nobody is there.
+    /// Notes that the connection has ended that told when a port ends, and whether no program is there.
     pub(super) fn ends_watch(&self, name: &str, number: u64, is_refused: bool, now: Instant) {
         let mut answers = self.answers.lock();
         if let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) {
             answer.is_watched = false;
             if is_refused {
-                (answer.is_gone, answer.state) = (true, State::Silent(now));
+                (answer.is_gone, answer.state) = (true, QuestionState::Silent(now));
                 answer.failures = answer.failures.saturating_add(1);
                 self.changes.fetch_add(1, Ordering::Release);
             }
@@ -149,13 +152,13 @@ impl Survey {
     pub(super) fn met(&self, name: &str, own: &str, sends: bool) {
         let mut answers = self.answers.lock();
         let Some(answer) = answers.get_mut(name) else { return };
-        let (State::Answered, Some(inspection)) = (answer.state, &answer.inspection) else {
+        let (QuestionState::Answered, Some(inspection)) = (answer.state, &answer.inspection) else {
             return;
         };
         let is_sender = matches!(role(name, Some(inspection)).1, Role::Publisher | Role::Client);
         let known = if sends { &inspection.outputs } else { &inspection.inputs };
         if is_sender != sends && !known.iter().any(|one| one == own) {
-            answer.state = State::Stale;
+            answer.state = QuestionState::Stale;
         }
     }
 
@@ -163,9 +166,9 @@ impl Survey {
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
         let answers = self.answers.lock();
         ports.keys().all(|name| {
-            answers
-                .get(name)
-                .is_some_and(|answer| !matches!(answer.state, State::Asked) && !answer.may_be_gone)
+            answers.get(name).is_some_and(|answer| {
+                !matches!(answer.state, QuestionState::Asked) && !answer.may_be_gone
+            })
         })
     }
 
@@ -188,9 +191,9 @@ impl Survey {
         for (name, Entry { number, .. }) in &due {
             let answer = answers.entry(name.clone()).or_default();
             if answer.number != *number {
-                *answer = Answer { number: *number, ..Answer::default() };
+                *answer = PortAnswer { number: *number, ..PortAnswer::default() };
             }
-            answer.state = State::Asked;
+            answer.state = QuestionState::Asked;
         }
         due
     }
@@ -205,18 +208,18 @@ impl Survey {
         now: Instant,
     ) {
         let mut answers = self.answers.lock();
-        // Another port may have the name by now, or nobody.
+        // Another port may have the name by now, or none.
         let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) else {
             return;
         };
         match told {
             Ok(told) => {
-                answer.state = State::Answered;
+                answer.state = QuestionState::Answered;
                 (answer.is_gone, answer.may_be_gone) = (false, false);
                 answer.inspection = Some(Arc::new(told));
             }
             Err(silence) => {
-                answer.state = State::Silent(now);
+                answer.state = QuestionState::Silent(now);
                 answer.failures = answer.failures.saturating_add(1);
                 let has_begun = answer.inspection.is_some() || answer.failures > 1;
                 let is_refused = silence == Silence::Refused;

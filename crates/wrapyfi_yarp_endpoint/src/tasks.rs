@@ -1,11 +1,14 @@
 //! The tasks of a YARP instance: one for each endpoint, which closes its port at the end.
 
+use std::sync::Arc;
+
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-use wrapyfi_endpoint::Mutex;
+use super::link_state::LinkState;
 use wrapyfi_endpoint::restart::restarted;
+use wrapyfi_endpoint::{Cause, Mutex};
 
 /// Runtime of the endpoints' tasks, which ends all of them.
 #[derive(Debug)]
@@ -23,14 +26,14 @@ pub(super) struct Stop {
 
 /// Resolves when the endpoint, or all of YARP, ends.
 #[derive(Debug, Clone)]
-pub(super) struct Stopped {
+struct Stopped {
     endpoint: watch::Receiver<()>,
     all: watch::Receiver<bool>,
 }
 
 impl Stopped {
     /// Waits for the end. Cancel-safe; again and again the same.
-    pub(super) async fn wait(&mut self) {
+    async fn wait(&mut self) {
         tokio::select! {
             // Nothing is ever sent: it resolves when the sender is dropped.
             _ = self.endpoint.changed() => {}
@@ -44,23 +47,46 @@ impl Tasks {
         Self { handle, running: Mutex::default(), ending: watch::Sender::new(false) }
     }
 
-    /// A way to end a task, for the task and for its owner.
-    pub(super) fn stop(&self) -> (Stop, Stopped) {
-        let (_sender, endpoint) = watch::channel(());
-        (Stop { _sender }, Stopped { endpoint, all: self.ending.subscribe() })
-    }
-
-    /// Starts a task that ends by itself once it is stopped; where it panics, it begins again.
-    pub(super) fn spawn<F: Future<Output = ()> + Send + 'static>(
+    /// Starts the task of an endpoint: it serves until the endpoint, or all of YARP, ends, and then closes its ports.
+    /// Where it panics, it closes those that it has left open, and begins again.
+    pub(super) fn spawn<S, F, G>(
         &self,
         name: &str,
-        tell: impl Fn(String) + Send + 'static,
-        begin: impl FnMut() -> F + Send + 'static,
-    ) {
-        let task = restarted(format!("the task of {name}"), tell, begin);
+        link_state: &Arc<LinkState>,
+        endpoint: S,
+        serve: impl Fn(S) -> F + Clone + Send + 'static,
+        close: impl Fn(S) -> G + Clone + Send + 'static,
+    ) -> Stop
+    where
+        S: Clone + Send + 'static,
+        F: Future<Output = ()> + Send + 'static,
+        G: Future<Output = ()> + Send + 'static,
+    {
+        let (_sender, of_endpoint) = watch::channel(());
+        let stopped = Stopped { endpoint: of_endpoint, all: self.ending.subscribe() };
+        let (told, ended) = (Arc::clone(link_state), Arc::clone(link_state));
+        let begin = move || {
+            let (endpoint, mut stopped) = (endpoint.clone(), stopped.clone());
+            let (serve, close, ended) = (serve.clone(), close.clone(), Arc::clone(&ended));
+            async move {
+                close(endpoint.clone()).await;
+                tokio::select! {
+                    () = stopped.wait() => {}
+                    () = serve(endpoint.clone()) => {}
+                }
+                close(endpoint).await;
+                ended.ended();
+            }
+        };
+        let task = restarted(
+            format!("the task of {name}"),
+            move |what| told.waiting(Cause::Restarting(what)),
+            begin,
+        );
         let mut running = self.running.lock();
         while running.try_join_next().is_some() {}
         running.spawn_on(task, &self.handle);
+        Stop { _sender }
     }
 
     /// Starts a task that is given up when YARP ends.

@@ -9,7 +9,7 @@
 
 use wrapyfi_yarp::port::{PayloadKind, PortPayload as Bytewise};
 use wrapyfi_yarp::sig::{ImageHeader, Sound, Vector};
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
 use super::first_message::FirstMessages;
 use super::payload;
@@ -93,7 +93,7 @@ impl Types {
 }
 
 /// The type of a message, by its bytes; none where they do not decide: an empty list may be anything.
-pub(super) fn of_message(message: &Bytewise, limits: &Limits) -> Option<&'static str> {
+pub(super) fn of_message(message: &Bytewise, limits: &WireLimits) -> Option<&'static str> {
     let bytes = &message.bytes;
     if message.kind == PayloadKind::Raw {
         return Some("CompressedImage");
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     fn type_of(bytes: Vec<u8>) -> Option<&'static str> {
-        of_message(&Bytewise::object(bytes), &Limits::default())
+        of_message(&Bytewise::object(bytes), &WireLimits::default())
     }
 
     #[test]
@@ -141,7 +141,7 @@ mod tests {
         let image = Image::from_packed(rgb, 4, 2, pixels.into()).unwrap();
         assert_eq!(type_of(image.encode(Rows::Announced).unwrap()), Some("Image"));
         assert_eq!(
-            of_message(&Bytewise::raw(vec![0xff, 0xd8]), &Limits::default()),
+            of_message(&Bytewise::raw(vec![0xff, 0xd8]), &WireLimits::default()),
             Some("CompressedImage")
         );
         for dialect in [Dialect::V3, Dialect::V4] {
@@ -152,7 +152,7 @@ mod tests {
             let words = Bottle::from(vec!["x".into(), 1.5.into()]).encode(dialect).unwrap();
             assert_eq!(type_of(words), Some("NativeObject"), "{dialect:?}");
             let scan = |text: &str| {
-                let bottle = Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap();
+                let bottle = Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap();
                 bottle.encode(dialect).unwrap()
             };
             assert_eq!(type_of(scan("0.0 360.0 0.1 8.0 (1.5 2.5) 0")), Some(SCAN), "{dialect:?}");

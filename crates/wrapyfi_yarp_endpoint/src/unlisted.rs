@@ -4,7 +4,7 @@
 //!   name server ends, a new one comes ─▶ its list lacks /cam, which the one before had at 127.0.0.1:10003
 //!        │                                    registers again ─▶ the port that it was
 //!        └─▶ a connection to 127.0.0.1:10003 ─┤
-//!                                             ends, and nobody is there ─▶ gone
+//!                                             ends, and no program is there ─▶ gone
 //! ```
 //!
 //! Programs of YARP register once. Their ports, and the connections that these have, live on without a name
@@ -17,16 +17,16 @@ use tokio::net::TcpStream;
 use wrapyfi_yarp::port::LinkError;
 
 use super::registered_port::Entry;
-use super::shared::Shared;
+use super::shared::InstanceState;
 
 /// Time between two tries to reach a port.
 const PAUSE: Duration = Duration::from_secs(1);
 /// Tries after which a port is gone that neither answers nor refuses.
 const TRIES: u32 = 3;
 
-/// Waits until nobody is at the address of an unlisted port any more, and has the directory forget it then. Ends
+/// Waits until no program is at the address of an unlisted port any more, and has the directory forget it then. Ends
 /// earlier where the port is registered again.
-pub(super) async fn until_gone(shared: Arc<Shared>, name: String, entry: Entry) {
+pub(super) async fn until_gone(shared: Arc<InstanceState>, name: String, entry: Entry) {
     let bell = shared.directory.watch(&name);
     let Some(contact) = entry.contact() else { return };
     let mut failures = 0;

@@ -88,8 +88,8 @@ where
         status: Arc<Mutex<S>>,
         proxy: T,
     ) -> Result<Self, BrokerError> {
-        let Bound { ip, ports, keys, stop_signal } = bound;
-        let runs = Runs::start(name, stop_signal, proxy).map_err(failed_to("start its thread"))?;
+        let Bound { ip, ports, keys } = bound;
+        let runs = Runs::start(name, proxy).map_err(failed_to("start its thread"))?;
         let public_key = keys.map(|keys| keys.public());
         let ([front, back], [front_port, back_port]) = (Self::SETTINGS, ports);
         let name = T::NAME;
@@ -126,7 +126,6 @@ impl Supervised for Broker {
     const KINDS: [Kind; 2] = [Kind::Xpub, Kind::Xsub];
     const ASKED_AS: [&'static str; 2] = ["SUB", "PUB"];
     /// Socket type of the watcher, which subscribes to nothing.
-    const WATCHER: zmq::SocketType = zmq::SUB;
     const SETTINGS: [&'static str; 2] = ["pub_port", "sub_port"];
 
     fn ports(config: &ZeroMqConfig) -> [u16; 2] {
@@ -162,7 +161,6 @@ impl Supervised for ServiceBroker {
     const KINDS: [Kind; 2] = [Kind::Router, Kind::Dealer];
     // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
     const ASKED_AS: [&'static str; 2] = ["SUB", "SUB"];
-    const WATCHER: zmq::SocketType = zmq::DEALER;
     const SETTINGS: [&'static str; 2] = ["rep_port", "req_port"];
 
     fn ports(config: &ZeroMqConfig) -> [u16; 2] {

@@ -11,16 +11,16 @@ use super::curve::Keys;
 use super::error::BrokerError;
 use super::front::{self, Bounds, Front};
 use super::ledger::Ledger;
-use super::options::{self, StopSignal};
+use super::options;
 use super::supervisor::Supervised;
+use super::turns::Stop;
 use wrapyfi_endpoint::give_memory_back;
 use wrapyfi_endpoint::network::owner;
 
-/// Both ports of a broker, bound, and the socket that stops its thread.
+/// Both ports of a broker, bound.
 pub(super) struct BrokerPorts {
     pub(super) front: Front,
     pub(super) back: Front,
-    pub(super) stop: zmq::Socket,
     pub(super) ledger: Arc<Ledger>,
 }
 
@@ -29,7 +29,6 @@ pub(super) struct Bound {
     pub(super) ip: IpAddr,
     pub(super) ports: [u16; 2],
     pub(super) keys: Option<Arc<Keys>>,
-    pub(super) stop_signal: StopSignal,
 }
 
 impl BrokerPorts {
@@ -65,20 +64,18 @@ impl BrokerPorts {
         let ([front_kind, back_kind], [front_hwm, back_hwm]) = (B::KINDS, hwm);
         let (front, front_port) = bind(front_kind, front, front_hwm)?;
         let (back, back_port) = bind(back_kind, back, back_hwm)?;
-        let (stop_signal, stop) =
-            StopSignal::new(&zmq::Context::new()).map_err(failed_to("open its control socket"))?;
-        let bound = Bound { ip, ports: [front_port, back_port], keys, stop_signal };
-        Ok((Self { front, back, stop, ledger: Arc::clone(ledger) }, bound))
+        let bound = Bound { ip, ports: [front_port, back_port], keys };
+        Ok((Self { front, back, ledger: Arc::clone(ledger) }, bound))
     }
 
     /// Waits for something to happen at a port; the ports where it did, `None` when it is time to stop.
-    pub(super) fn wait(&self, wait_ms: i64) -> zmq::Result<Option<[bool; 2]>> {
+    pub(super) fn wait(&self, stop: &Stop, wait_ms: i64) -> zmq::Result<Option<[bool; 2]>> {
         let [front_unread, back_unread] = [&self.front, &self.back].map(Front::is_unread);
         let wait_ms = if front_unread || back_unread { 0 } else { wait_ms };
         let mut items = [
             zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
             zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
-            self.stop.as_poll_item(zmq::POLLIN),
+            stop.poll_item(),
         ];
         zmq::poll(&mut items, wait_ms)?;
         let [front, back, stop] = items.map(|item| item.is_readable());

@@ -12,14 +12,16 @@ use bytes::Bytes;
 
 use super::envelope::{self, ServiceMessage};
 use super::ledger::Ledger;
-use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
-use super::shared::Shared;
+use super::service_connection::{
+    Delivery, ServiceConnection, ServiceHandle, ServiceRole, Unusable,
+};
+use super::shared::ZeroMqState;
 use super::{deadline, zmtp};
+use crate::codec::mark::{self, Content, Kind, Mark};
 use wrapyfi_data::EncodeResult;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::requests;
-use wrapyfi_endpoint::codec::requests::mark::{Content, Kind, Mark};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{CallError, Context, DropReason, Link, OpenResult, Request, ServiceSpec};
 
@@ -39,7 +41,7 @@ pub(super) struct ZeroMqClient {
 
 impl ZeroMqClient {
     pub(super) fn open(
-        shared: &Shared,
+        shared: &ZeroMqState,
         endpoint: &str,
         spec: &ServiceSpec,
         context: &Context,
@@ -47,7 +49,8 @@ impl ZeroMqClient {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)?;
+        let handle =
+            ServiceConnection::open(shared, endpoint, ServiceRole::Client, &spec, context)?;
         shared.ledger.enter(zmtp::Kind::Dealer, &spec.service, &context.counters);
         let (service, pending) = (spec.service.clone(), spec.pending);
         let ledger = Arc::clone(&shared.ledger);
@@ -58,7 +61,7 @@ impl ZeroMqClient {
         let mark = envelope::mark(&delivery.envelope);
         let call = mark.and_then(|mark| Some((mark, i64::try_from(mark.number).ok()?)));
         let Some((mark, number)) = call else {
-            // Nobody hands back another envelope than ours.
+            // No server hands back another envelope than ours.
             self.handle.context.counters.received(delivery.wire_bytes);
             self.handle.context.counters.dropped(DropReason::Malformed);
             return;
@@ -82,7 +85,7 @@ fn read(
         Kind::Request => {
             requests::decode_reply(body, spec, Stamp::now()).map_err(unusable)?.map_err(refused)
         }
-        Kind::Binary => requests::decode_binary(mark.content, body, spec).map_err(unusable),
+        Kind::Binary => mark::decode(mark.content, body, spec).map_err(unusable),
         Kind::Error => Err(refused(String::from_utf8_lossy(body).into_owned())),
     }
 }

@@ -37,7 +37,7 @@ pub enum BrokerMode {
     /// Runs the broker unless one is there already; takes over when that one goes away.
     #[default]
     Embedded,
-    /// Only connects: somebody else runs the broker.
+    /// Only connects: another program runs the broker.
     Foreign,
 }
 

@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::curve_config::{CurveClient, CurveConfig, CurveError};
-use super::zmtp::{Kind, Opened, Step};
+use super::zmtp::{HandshakeStep, Kind, Opened};
 
 pub(crate) const OVERHEAD: usize = 0;
 
@@ -102,7 +102,7 @@ impl Curve {
         match *self {}
     }
 
-    pub(crate) fn handshake(&mut self, _command: &[u8], _: &[u8]) -> Result<Step, Breach> {
+    pub(crate) fn handshake(&mut self, _command: &[u8], _: &[u8]) -> Result<HandshakeStep, Breach> {
         match *self {}
     }
 

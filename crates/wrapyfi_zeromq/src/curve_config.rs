@@ -31,7 +31,7 @@ pub(super) const SERVER_KEY: &str = "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY";
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
-    /// File with the secret key of this process, which nobody else may read
+    /// File with the secret key of this process, which no other program may read
     /// (`WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE`): a certificate of pyzmq, or a line of 40 characters. None: a key of
     /// its own for each start, with which no broker can run here.
     pub secret_key_file: Option<PathBuf>,

@@ -8,8 +8,8 @@
 use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::codec::mark::{Content, Kind, Mark};
 use wrapyfi_endpoint::Clock;
-use wrapyfi_endpoint::codec::requests::mark::{Content, Kind, Mark};
 
 /// Mark of a request whose caller gives up at `deadline`.
 pub(super) fn request(content: Content, number: u64, deadline: Instant, clock: &Clock) -> Mark {

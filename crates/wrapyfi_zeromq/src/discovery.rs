@@ -7,9 +7,9 @@
 //! ```
 //!
 //! Wrapyfi's own broker tells subscriptions only when they change, and nothing of traffic. To the
-//! first the answer is a subscription of our own, to a name that nobody publishes. To the second,
+//! first the answer is a subscription of our own, to a name that no program publishes. To the second,
 //! when a second has shown that the broker is not ours, it is to subscribe to everything: for as
-//! long as we look, messages flow that nobody else asked for.
+//! long as we look, messages flow that no other program asked for.
 //!
 //! A publisher that sends nothing cannot be seen: ZeroMQ has no word for it.
 
@@ -17,14 +17,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::codec::looks_like;
 use super::config::NAME;
 use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
-use super::shared::Shared;
+use super::shared::ZeroMqState;
 use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable};
-use wrapyfi_endpoint::codec::frames::looks_like;
-use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
+use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
@@ -52,7 +52,7 @@ pub(super) struct ZeroMqDiscovery {
 }
 
 impl ZeroMqDiscovery {
-    pub(super) fn new(shared: &Shared, monitor_topic: &str) -> Result<Self, DiscoverError> {
+    pub(super) fn new(shared: &ZeroMqState, monitor_topic: &str) -> Result<Self, DiscoverError> {
         let link = BrokerLink::new(&shared.pub_endpoint, "", shared.keys.as_ref());
         let connection = shared
             .contexts
@@ -147,7 +147,7 @@ fn transport(error: &zmq::Error) -> DiscoverError {
 
 fn open(
     context: &zmq::Context,
-    shared: &Shared,
+    shared: &ZeroMqState,
     link: &Arc<BrokerLink>,
     monitor_topic: &str,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
@@ -187,7 +187,7 @@ impl Discovery for ZeroMqDiscovery {
         Ok(found)
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.link.waiting_for()
     }
 
@@ -203,8 +203,10 @@ impl Discovery for ZeroMqDiscovery {
 
 impl Drop for ZeroMqDiscovery {
     fn drop(&mut self) {
-        // The socket before the watch: see link.rs.
-        let watches = self.connection.take().into_iter().map(|(_, watch)| watch);
-        Watch::see_out(watches.collect());
+        // In this order: see link.rs.
+        if let Some((socket, watch)) = self.connection.take() {
+            drop(socket);
+            watch.see_out();
+        }
     }
 }

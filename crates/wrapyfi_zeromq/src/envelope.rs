@@ -7,8 +7,8 @@
 
 use bytes::Bytes;
 
-use mark::{Kind, Mark};
-use wrapyfi_endpoint::codec::requests::{self, mark};
+use crate::codec::mark::{Kind, Mark};
+use wrapyfi_endpoint::codec::requests;
 
 /// Frames in front of the empty one: a routing id for each broker on the way, and the mark.
 const MAX_ENVELOPE: usize = 8;
@@ -28,7 +28,7 @@ pub(super) struct ServiceMessage {
 }
 
 /// Envelope of a message of `count` frames, of which `frames` are the first [`KEPT`], and its body, or the number
-/// of frames that stand in place of one; nothing where there is no envelope, so that nobody can be answered.
+/// of frames that stand in place of one; nothing where there is no envelope, so that no program can be answered.
 pub(super) fn split(
     mut frames: Vec<Bytes>,
     count: usize,
@@ -69,7 +69,7 @@ impl ServiceMessage {
         outside.chain([Bytes::new(), self.body.clone()]).collect()
     }
 
-    /// Sends without waiting; false when there is no room for it, or nobody to take it.
+    /// Sends without waiting; false when there is no room for it, or no peer to take it.
     pub(super) fn send(&self, socket: &zmq::Socket) -> zmq::Result<bool> {
         let empty = Bytes::new();
         let frames = self.envelope.iter().chain([&empty]);

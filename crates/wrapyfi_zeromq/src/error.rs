@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 
 use super::curve_config::CurveError;
-use super::port_check::Answer;
+use super::port_check::PortHolder;
 use wrapyfi_endpoint::network::ReachedByOthers;
 
 /// Error of starting a broker.
@@ -26,7 +26,7 @@ pub enum BrokerError {
     /// The keys of CURVE have a fault.
     #[error(transparent)]
     Curve(#[from] CurveError),
-    /// Somebody else has the port.
+    /// Another program has the port.
     #[error(
         "port {port} on {ip} is taken{}: stop what uses it, or choose another port",
         shown(owner)
@@ -81,7 +81,7 @@ pub enum ZeroMqError {
         /// Socket type of a broker there.
         expected: &'static str,
         /// Program that answered on the port.
-        answer: Answer,
+        answer: PortHolder,
         /// Its process, where the system tells.
         owner: Option<Box<str>>,
         /// Names of the two ports in the settings.

@@ -32,9 +32,9 @@ use mio::{Events, Interest, Poll, Token};
 
 use super::assembly::NotTaken;
 use super::curve::{Curve, Keys};
-use super::heard::{End, Heard};
+use super::heard::{ConnectionEnd, Heard};
 use super::ledger::Refusal;
-use super::message::{Loss, Message};
+use super::message::{Loss, Message, Outgoing};
 use super::options;
 use super::peer::{Peer, TURN};
 use super::traffic::REFUSED;
@@ -229,7 +229,7 @@ impl Front {
     }
 
     /// Queues a message for everybody who is subscribed to it and has room. `of` is its size as its publisher
-    /// counts it, where it is somebody's.
+    /// counts it, where it is that of a publisher.
     pub(super) fn publish(&mut self, frames: Vec<Bytes>, of: Option<usize>) {
         let Some(topic) = frames.first().cloned() else { return };
         let to = self.subscribers(&topic);
@@ -266,8 +266,8 @@ impl Front {
         self.peers.values().filter(|peer| peer.is_open()).count()
     }
 
-    /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not. It goes out
-    /// with [`Self::flush`].
+    /// Tells publishers that a program wants a topic, or no more; as often as it was wanted before it is not. It goes
+    /// out with [`Self::flush`].
     pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
         let told = match is_wanted {
             true => self.wanted.subscribed(topic),
@@ -530,7 +530,7 @@ impl Front {
                     if let Some(key) = key {
                         self.refuse(format!("{address}: {why}"), key.to_owned(), None);
                     }
-                    if let End::OtherPort { ours, .. } = &why {
+                    if let ConnectionEnd::OtherPort { ours, .. } = &why {
                         let (side, who) = (ours.other(), format!("{address}: {why}"));
                         self.refusals
                             .push(Refusal { is_elsewhere: true, ..Refusal::of(side, who) });
@@ -571,7 +571,8 @@ impl Front {
             return;
         }
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);
-        self.losses.extend(peer.outbox.iter().filter(|it| it.of.is_some()).map(lost));
+        let waiting = peer.outbox.iter().filter(|it| it.is_of_publisher());
+        self.losses.extend(waiting.filter_map(Outgoing::message).map(lost));
     }
 }
 

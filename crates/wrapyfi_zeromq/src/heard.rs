@@ -9,7 +9,7 @@ use wrapyfi_endpoint::DropReason;
 
 /// Cause of the end of a connection.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum End {
+pub(super) enum ConnectionEnd {
     #[error("it left")]
     Left,
     #[error(transparent)]
@@ -28,7 +28,7 @@ pub(super) enum End {
     Io(#[from] std::io::Error),
 }
 
-impl End {
+impl ConnectionEnd {
     /// Reason under which it is counted; none for what happens to every connection.
     pub(super) fn reason(&self) -> Option<&'static str> {
         match self {

@@ -8,7 +8,7 @@
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
-//! The thread knows each of these as an [`End`]. Publishing itself happens on the caller's thread, as far as the
+//! The thread knows each of these as an [`IoEndpoint`]. Publishing itself happens on the caller's thread, as far as the
 //! connection takes it: see `PublisherConnection`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
@@ -33,7 +33,7 @@ use wrapyfi_endpoint::backoff::{self, Backoff};
 
 /// Demand of an endpoint on the I/O thread.
 pub(super) enum Command {
-    Open(u64, Box<dyn End>),
+    Open(u64, Box<dyn IoEndpoint>),
     /// There is room in an inbox again, or something to send.
     Look(u64),
     Close(u64),
@@ -116,7 +116,7 @@ impl Drop for Io {
 }
 
 /// Sockets of one endpoint on the I/O thread.
-pub(super) trait End: Send {
+pub(super) trait IoEndpoint: Send {
     /// Descriptors that say when something happened; none of an endpoint that asks the system by itself.
     fn descriptors(&self) -> Vec<RawFd> {
         Vec::new()
@@ -128,7 +128,7 @@ pub(super) trait End: Send {
         now: Instant,
         registry: &Registry,
         faults: &mut Throttle,
-    ) -> zmq::Result<Look>;
+    ) -> zmq::Result<IoProgress>;
 
     /// Has the endpoint end: a look that follows tells when it is over.
     fn close(&mut self, _now: Instant) {}
@@ -140,20 +140,20 @@ pub(super) trait End: Send {
 }
 
 /// A socket that is being closed.
-impl End for Watch {
+impl IoEndpoint for Watch {
     fn descriptors(&self) -> Vec<RawFd> {
         self.fd().into_iter().collect()
     }
 
-    fn look(&mut self, _: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+    fn look(&mut self, _: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<IoProgress> {
         self.take();
-        Ok(Look { over: self.over, ..Look::default() })
+        Ok(IoProgress { over: self.over, ..IoProgress::default() })
     }
 }
 
 /// Result of one look at an endpoint.
 #[derive(Default)]
-pub(super) struct Look {
+pub(super) struct IoProgress {
     /// There is more to read.
     pub(super) more: bool,
     /// Time until it must be looked at although nothing happens.
@@ -166,7 +166,7 @@ struct Worker {
     handle: Arc<Handle>,
     commands: mpsc::Receiver<Command>,
     poll: Poll,
-    ends: BTreeMap<u64, Box<dyn End>>,
+    ends: BTreeMap<u64, Box<dyn IoEndpoint>>,
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
     /// Times at which endpoints must be looked at although nothing happens to them.
@@ -249,14 +249,14 @@ impl Worker {
         }
     }
 
-    fn add(&mut self, id: u64, end: Box<dyn End>) {
+    fn add(&mut self, id: u64, end: Box<dyn IoEndpoint>) {
         self.watch(id, &*end, true);
         self.ends.insert(id, end);
         self.ready.insert(id);
     }
 
     /// Asks the system to report events of an endpoint's sockets, or to stop that.
-    fn watch(&self, id: u64, end: &dyn End, on: bool) {
+    fn watch(&self, id: u64, end: &dyn IoEndpoint, on: bool) {
         for fd in end.descriptors() {
             let registry = self.poll.registry();
             let result = match on {
@@ -284,7 +284,7 @@ impl Worker {
             let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults))) {
                 Ok(Ok(look)) => look,
                 Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => {
-                    Look { more: true, ..Look::default() }
+                    IoProgress { more: true, ..IoProgress::default() }
                 }
                 Ok(Err(error)) => self.fault(now, &error),
                 Err(_) => self.fault(now, &"a panic"),
@@ -311,18 +311,18 @@ impl Worker {
     }
 
     /// Says what went wrong at an endpoint, which is looked at again after a pause.
-    fn fault(&mut self, now: Instant, what: &dyn std::fmt::Display) -> Look {
+    fn fault(&mut self, now: Instant, what: &dyn std::fmt::Display) -> IoProgress {
         if let Some(unlogged_before) = self.faults.pass(now) {
             tracing::error!(
                 unlogged_before,
                 "{what} in the ZeroMQ I/O thread, at one endpoint: it goes on"
             );
         }
-        Look::after(self.pause.wait())
+        IoProgress::after(self.pause.wait())
     }
 }
 
-impl Look {
+impl IoProgress {
     pub(super) fn after(time: Duration) -> Self {
         Self { timeout: Some(time), ..Self::default() }
     }

@@ -9,7 +9,7 @@ use std::sync::{Arc, Weak};
 
 use super::curve_config::CurveClient;
 use super::zmtp::Kind;
-use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused};
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused, Role};
 
 /// Peer that a broker refuses, for its key or its port.
 pub(super) struct Refusal {
@@ -55,7 +55,7 @@ impl Ledger {
     pub(super) fn undelivered(&self, topic: &[u8], reason: DropReason, bytes: usize) {
         let entries = self.entries.lock();
         let publishers = entries.get(&(Kind::Xpub, topic.to_vec()));
-        // Of several publishers nobody knows whose it was.
+        // Of several publishers it is not known whose it was.
         if let Some(counters) = publishers.into_iter().flatten().rev().find_map(Weak::upgrade) {
             counters.undelivered(reason, bytes);
         }
@@ -87,7 +87,14 @@ impl Ledger {
                 && let Some(counters) = counters.upgrade()
             {
                 let allow = refusal.allow(&String::from_utf8_lossy(name));
-                counters.refused_peer(Refused { who: refusal.who.clone(), allow });
+                let role = match side {
+                    Kind::Xsub => Role::Publisher,
+                    Kind::Xpub => Role::Listener,
+                    Kind::Router => Role::Client,
+                    Kind::Dealer => Role::Server,
+                };
+                let (who, roles) = (refusal.who.clone(), vec![role]);
+                counters.refused_peer(Refused { who, allow, roles });
             }
         }
     }

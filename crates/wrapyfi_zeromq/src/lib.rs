@@ -26,7 +26,9 @@
 //! | `publisher_connection` | a publisher's connection to the broker |
 //! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | one connection that is not libzmq's: its security, what waits for it, what comes of it; the protocol there |
 //! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
+//! | [`codec`] | payloads as the frames of a message, by the settings of the topic |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
+//! | `section` | the section of a configuration, and what starts from it |
 //! | `own_messages` | our own messages are not received |
 //! | `offline` | readers of foreign bytes without sockets, for fuzzing |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
@@ -35,6 +37,7 @@ mod assembly;
 mod broker;
 mod broker_ports;
 mod client;
+pub mod codec;
 mod config;
 mod contexts;
 #[cfg_attr(not(feature = "curve"), path = "curve_absent.rs")]
@@ -64,10 +67,13 @@ mod proxy;
 mod publisher;
 mod publisher_connection;
 mod reception;
+#[cfg(feature = "driver")]
+mod section;
 mod server;
 mod service_connection;
 mod service_proxy;
 mod shared;
+mod source;
 mod status;
 mod supervisor;
 mod traffic;
@@ -82,20 +88,24 @@ pub use broker::{Broker, RunningBroker, ServiceBroker};
 pub use config::{BrokerMode, NAME, ZeroMqConfig};
 pub use curve_config::{CurveClient, CurveConfig, CurveError};
 pub use error::{BrokerError, ZeroMqError};
-pub use port_check::Answer;
+pub use port_check::PortHolder;
+#[cfg(feature = "driver")]
+pub use section::DRIVER;
+pub use source::source;
 pub use status::{BrokerStatus, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
-use shared::Shared;
+use shared::ZeroMqState;
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, OpenResult,
-    Opened, Publisher, Role, Server, ServiceSpec, TopicSpec,
+    Builder, Cause, Client, Context, DiscoverError, Discovery, Listener, Middleware,
+    MiddlewareSettings, Mutex, OpenError, OpenResult, Opened, Publisher, Role, Server, ServiceSpec,
+    StartError, TopicSpec,
 };
 
 /// Finds out what has a port, within a second.
 #[doc(hidden)]
 #[must_use]
-pub fn what_has(address: SocketAddr) -> Answer {
+pub fn what_has(address: SocketAddr) -> PortHolder {
     // A socket that fits nowhere: no broker takes it for one at the wrong port.
     port_check::ask_port(address, "PAIR", zmtp::NULL)
 }
@@ -108,7 +118,7 @@ const MAX_TOPIC_BYTES: usize = 1024;
 /// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
 pub struct ZeroMq {
     // Dropped in this order: sockets may still send while the broker runs.
-    shared: Shared,
+    shared: ZeroMqState,
     supervisor: supervisor::Supervisor<Broker>,
     /// Settings, with the ports that the broker has.
     config: ZeroMqConfig,
@@ -144,8 +154,7 @@ impl ZeroMq {
             tracing::warn!(%ip, "no ZeroMQ broker is started here, one has to run there: {why}");
         }
         let ledger = Arc::<ledger::Ledger>::default();
-        let supervisor =
-            supervisor::Supervisor::<Broker>::start(config, &ledger, config.broker, keys.as_ref())?;
+        let supervisor = supervisor::Supervisor::<Broker>::start(config, &ledger, config.broker)?;
         let mut config = config.clone();
         if let Some(ports) = supervisor.own(|broker| (broker.pub_port(), broker.sub_port())) {
             (config.pub_port, config.sub_port) = ports;
@@ -153,7 +162,7 @@ impl ZeroMq {
         check_ports([("pub_port", config.pub_port), ("sub_port", config.sub_port)])?;
         let io = io::Io::start().map_err(|error| ZeroMqError::Transport(error.to_string()))?;
         let ip = config::reachable(ip);
-        let shared = Shared {
+        let shared = ZeroMqState {
             ip,
             pub_endpoint: options::endpoint(ip, config.pub_port),
             sub_address: SocketAddr::new(ip, config.sub_port),
@@ -197,9 +206,8 @@ impl ZeroMq {
         let supervisor = match &mut *services {
             Some(supervisor) => supervisor,
             none => {
-                let (ledger, keys) = (&self.shared.ledger, self.shared.keys.as_ref());
                 let mode = self.config.service_broker;
-                none.insert(supervisor::Supervisor::start(&self.config, ledger, mode, keys)?)
+                none.insert(supervisor::Supervisor::start(&self.config, &self.shared.ledger, mode)?)
             }
         };
         let own = supervisor.own(|broker| (broker.rep_port(), broker.req_port()));
@@ -277,7 +285,7 @@ impl Middleware for ZeroMq {
         Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
     }
 
-    fn waiting_for(&self) -> Option<String> {
+    fn waiting_for(&self) -> Option<Cause> {
         self.shared.waiting_for()
     }
 
@@ -285,12 +293,25 @@ impl Middleware for ZeroMq {
         Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.config.monitor_topic)?))
     }
 
-    /// A publisher sends nothing that nobody subscribes to, and Wrapyfi's waits until somebody names its topic:
+    /// A publisher sends nothing that no program subscribes to, and Wrapyfi's waits until a program names its topic:
     /// so the topic is subscribed to, or everything.
     fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
         let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.config.monitor_topic)?;
         Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())?))
     }
+}
+
+impl MiddlewareSettings for ZeroMqConfig {
+    type Middleware = ZeroMq;
+
+    fn start(&self) -> Result<ZeroMq, StartError> {
+        ZeroMq::start(self).map_err(|error| StartError::of(&error, error.is_hopeless(), false))
+    }
+}
+
+/// ZeroMQ, as the variables `WRAPYFI_ZEROMQ_*` say; it runs the broker where there is none.
+pub fn zeromq() -> Builder<ZeroMqConfig> {
+    Builder::new(ZeroMqConfig::from_env().map_err(StartError::refused))
 }
 
 impl std::fmt::Debug for ZeroMq {

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A watch must outlive its socket: libzmq reports until the socket is gone, and the thread that
-//! reports waits for ever once nobody receives. So close the socket, then keep the watch until it
+//! reports waits for ever once no program receives. So close the socket, then keep the watch until it
 //! is [`Watch::over`].
 //!
 //! libzmq connects again by itself after a lost connection, but gives up for good where the peer
@@ -15,15 +15,15 @@
 use std::net::SocketAddr;
 use std::os::fd::RawFd;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use zmq::SocketEvent;
 
 use super::contexts;
 use super::curve::Keys;
-use super::options::{inproc_name, poll_ms};
-use wrapyfi_endpoint::{Context, DropReason, Wake};
+use super::options::poll_ms;
+use wrapyfi_endpoint::{Cause, Context, DropReason, Named, Wake};
 
 const DOWN: u8 = 0;
 /// State of a socket whose handshake is over.
@@ -32,7 +32,7 @@ pub(super) const UP: u8 = 1;
 const REFUSED: u8 = 2;
 /// State of a socket that is closed for good.
 pub(super) const ENDED: u8 = 3;
-/// State of a socket whose connection nobody took, or not yet again.
+/// State of a socket whose connection no program took, or not yet again.
 pub(super) const UNANSWERED: u8 = 4;
 /// State of a socket for which the process may open no file.
 pub(super) const STARVED: u8 = 5;
@@ -85,41 +85,47 @@ impl BrokerLink {
         !matches!(self.state(), DOWN | UP)
     }
 
-    /// Description of the event that is waited for; `None` when the broker is reached.
-    pub(super) fn waiting_for(&self) -> Option<String> {
-        match self.state.load(Relaxed) {
-            UP => None,
-            ENDED => Some("ZeroMQ, which was shut down here".to_owned()),
-            REFUSED => Some(format!(
-                "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
-                self.broker
-            )),
-            SECURED => Some(format!(
-                "the broker at {}: one of the two sides has CURVE and the other has not (endpoints: zeromq: curve)",
-                self.broker
-            )),
-            KEYS => Some(format!(
-                "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and {}",
-                self.broker,
-                self.to_be_listed(|key| format!("- {{ key: \"{key}\" }}"))
-            )),
-            DENIED => Some(format!(
-                "the broker at {}, which {}",
-                self.broker,
-                self.denied("listen to", "subscribe")
-            )),
-            STARVED => Some(format!(
-                "a connection to the broker at {}: {}",
-                self.broker,
-                contexts::reason(zmq::Error::EMFILE)
-            )),
-            _ if self.is_foreign() => Some(format!(
-                "the broker at {}, which does not answer: it has to run there, and Wrapyfi's own listens \
-                 on 127.0.0.1 unless WRAPYFI_ZEROMQ_SOCKET_IP is set there",
-                self.broker
-            )),
-            _ => Some(format!("the broker at {}", self.broker)),
-        }
+    /// Cause for which the broker is not reached; `None` while it is.
+    pub(super) fn waiting_for(&self) -> Option<Cause> {
+        let server = Named::server("the broker at", &self.broker);
+        Some(match self.state.load(Relaxed) {
+            UP => return None,
+            ENDED => Cause::Ended("ZeroMQ, which was shut down here".to_owned()),
+            REFUSED => {
+                Cause::OtherServer { server: Named::server("a ZeroMQ broker at", &self.broker) }
+            }
+            SECURED => {
+                let detail = ": one of the two sides has CURVE and the other has not (endpoints: zeromq: curve)";
+                Cause::Security { server, detail: detail.to_owned() }
+            }
+            KEYS => {
+                let detail = format!(
+                    ", which does not take our CURVE keys: `server_key` must be its public key, and {}",
+                    self.to_be_listed(|key| format!("- {{ key: \"{key}\" }}"))
+                );
+                Cause::Security { server, detail }
+            }
+            DENIED => Cause::Denied { server, rule: self.denied("listen to", "subscribe") },
+            STARVED => {
+                let fault = contexts::reason(zmq::Error::EMFILE).into();
+                Cause::peer(
+                    Named::server("a connection to the broker at", &self.broker),
+                    "",
+                    Some(fault),
+                    "",
+                )
+            }
+            _ => {
+                let detail = match self.is_foreign() {
+                    true => {
+                        ", which does not answer: it has to run there, and Wrapyfi's own listens on 127.0.0.1 unless \
+                         WRAPYFI_ZEROMQ_SOCKET_IP is set there"
+                    }
+                    false => "",
+                };
+                Cause::ServerAway { server, detail: detail.to_owned() }
+            }
+        })
     }
 
     /// Use of the topic that a broker does not let our key have, and the change of its `list` that does.
@@ -219,10 +225,11 @@ pub(super) fn connect(
     link: &Arc<BrokerLink>,
     keys: Option<&Arc<Keys>>,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
     if let Some(keys) = keys {
         keys.give_to(&socket)?;
     }
-    let name = inproc_name("events");
+    let name = format!("inproc://events-{}", NEXT.fetch_add(1, Relaxed));
     let events = context.socket(zmq::PAIR)?;
     events.set_linger(0)?;
     socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
@@ -230,7 +237,7 @@ pub(super) fn connect(
     let watch = Watch { events, link: Arc::clone(link), lost: None, over: false };
     if let Err(error) = socket.connect(&link.broker) {
         drop(socket);
-        Watch::see_out(vec![watch]);
+        watch.see_out();
         return Err(error);
     }
     Ok((socket, watch))
@@ -240,10 +247,6 @@ impl Watch {
     /// Descriptor that says that an event waits.
     pub(super) fn fd(&self) -> Option<RawFd> {
         self.events.get_fd().ok()
-    }
-
-    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
-        self.events.as_poll_item(zmq::POLLIN)
     }
 
     /// Takes all waiting events; true when the connection came or went.
@@ -329,26 +332,17 @@ impl Watch {
         lost.was_up
     }
 
-    /// Receives until the sockets of all watches, closed before, are gone.
-    pub(super) fn see_out(mut watches: Vec<Self>) {
+    /// Receives until the socket, closed before, is gone.
+    pub(super) fn see_out(mut self) {
         let deadline = Instant::now() + FAREWELL;
-        loop {
-            for watch in &mut watches {
-                watch.take();
+        self.take();
+        while !self.over {
+            let left = poll_ms(deadline.saturating_duration_since(Instant::now()));
+            match self.events.poll(zmq::POLLIN, left) {
+                Ok(0) => return tracing::warn!("a ZeroMQ socket did not close in time"),
+                Ok(_) | Err(zmq::Error::EINTR) => _ = self.take(),
+                Err(_) => return,
             }
-            watches.retain(|watch| !watch.over);
-            let left = deadline.saturating_duration_since(Instant::now());
-            if watches.is_empty() || left.is_zero() {
-                break;
-            }
-            let mut items: Vec<_> = watches.iter().map(Self::poll_item).collect();
-            match zmq::poll(&mut items, poll_ms(left)) {
-                Ok(_) | Err(zmq::Error::EINTR) => {}
-                Err(_) => break,
-            }
-        }
-        if !watches.is_empty() {
-            tracing::warn!(sockets = watches.len(), "ZeroMQ sockets did not close in time");
         }
     }
 }
@@ -360,18 +354,23 @@ mod tests {
     #[test]
     fn the_reason_follows_the_events() {
         let link = BrokerLink::new("tcp://127.0.0.1:5555", "/x", None);
-        assert_eq!(link.waiting_for().unwrap(), "the broker at tcp://127.0.0.1:5555");
+        let away = |link: &BrokerLink| match link.waiting_for() {
+            Some(Cause::ServerAway { server, detail }) => (server, detail),
+            other => panic!("{other:?}"),
+        };
+        let here = (Named::server("the broker at", "tcp://127.0.0.1:5555"), String::new());
+        assert_eq!(away(&link), here);
         assert!(!link.happened(SocketEvent::CONNECTED.to_raw(), 0));
         assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw(), 0));
         assert_eq!(link.waiting_for(), None);
         assert!(!link.has_failed());
-        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555", "/x", None).waiting_for().unwrap();
+        let (_, elsewhere) = away(&BrokerLink::new("tcp://192.0.2.1:5555", "/x", None));
         assert!(elsewhere.contains("unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"), "{elsewhere}");
         assert!(link.happened(SocketEvent::DISCONNECTED.to_raw(), 0));
         assert!(!link.is_up());
         assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw(), 0));
         assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw(), 0));
-        assert!(link.waiting_for().unwrap().contains("matching side"));
+        assert!(matches!(link.waiting_for(), Some(Cause::OtherServer { .. })));
         assert!(!link.is_up() && link.has_failed());
         assert!(link.happened(SocketEvent::CLOSED.to_raw(), 0));
         assert!(link.has_failed());

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 use std::task::{Wake, Waker};
 
+use super::codec;
 use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
 use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
-use super::shared::Shared;
+use super::shared::ZeroMqState;
 use super::traffic::DENIED;
 use super::zmtp::Kind;
 use super::{contexts, options};
-use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{
     Context, Link, Listener, OpenResult, Overflow, QueueSpec, Receiver, Sample, TakeError,
     TopicSpec, inbox,
@@ -40,7 +40,11 @@ fn socket_depth(queue: QueueSpec) -> i32 {
 }
 
 impl ZeroMqListener {
-    pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> OpenResult<Self> {
+    pub(super) fn open(
+        shared: &ZeroMqState,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> OpenResult<Self> {
         let link = shared.link(&shared.pub_endpoint, &spec.topic);
         let (socket, watch) = shared
             .contexts
@@ -56,7 +60,7 @@ impl ZeroMqListener {
             limit: spec.limits.message_bytes,
             inbox: sender,
             listening: Listening::new(shared.own_messages.of(&spec.topic)),
-            room: Waker::from(Arc::new(Look(id, Arc::clone(&io)))),
+            room: Waker::from(Arc::new(LookWaker(id, Arc::clone(&io)))),
             held: None,
             is_closed: false,
         };
@@ -68,7 +72,7 @@ impl ZeroMqListener {
 
 fn open_socket(
     context: &zmq::Context,
-    shared: &Shared,
+    shared: &ZeroMqState,
     spec: &TopicSpec,
     link: &Arc<BrokerLink>,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
@@ -86,9 +90,9 @@ fn open_socket(
 }
 
 /// Has the I/O thread look at an endpoint.
-struct Look(u64, Arc<Handle>);
+struct LookWaker(u64, Arc<Handle>);
 
-impl Wake for Look {
+impl Wake for LookWaker {
     fn wake(self: Arc<Self>) {
         self.1.send(Command::Look(self.0));
     }
@@ -97,7 +101,7 @@ impl Wake for Look {
 impl Listener for ZeroMqListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(arrival) = self.inbox.pop() else { return Ok(None) };
-        let payload = frames::decode(&arrival.frames, &self.spec, arrival.stamp)?;
+        let payload = codec::decode(&arrival.frames, &self.spec, arrival.stamp)?;
         let Arrival { wire_bytes, received_at, .. } = arrival;
         Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }

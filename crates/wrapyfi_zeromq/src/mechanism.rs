@@ -2,19 +2,17 @@
 //!
 //! ```text
 //!   greeting ─▶ first command ─▶ handshake ─▶ open
-//!   outbox: frames ── seal ──▶ bytes          bytes ── open ──▶ frames ── plain ──▶ message
+//!   frames ── seal ──▶ bytes: outbox          bytes ── open ──▶ frames ── plain ──▶ message
 //! ```
 
 use std::sync::Arc;
 
-use super::assembly::Assembly;
-use super::curve::{Curve, Grant, OVERHEAD};
-use super::heard::End;
-use super::message::Content;
-use super::zmtp::{self, Breach, Opened, Step};
+use bytes::Bytes;
 
-/// Bytes of memory that a connection with CURVE keeps for its next message.
-const KEPT: usize = 64 * 1024;
+use super::assembly::Assembly;
+use super::curve::{self, Curve, Grant, OVERHEAD};
+use super::heard::ConnectionEnd;
+use super::zmtp::{self, Breach, HandshakeStep, Opened};
 
 /// Security of a connection.
 pub(super) enum Mechanism {
@@ -29,14 +27,12 @@ pub(super) struct Secured {
     hello: Option<Vec<u8>>,
     /// The message that has begun, of frames that were opened.
     pub(super) plain: Option<Assembly>,
-    /// The first message of the outbox, sealed when its turn comes: its number is that of its place.
-    sealed: Vec<u8>,
 }
 
 impl Mechanism {
     /// CURVE; `hello` is our first command, where we begin, and `plain` takes messages where we are to hear some.
     pub(super) fn curve(curve: Curve, hello: Option<Vec<u8>>, plain: Option<Assembly>) -> Self {
-        Self::Curve(Box::new(Secured { curve, hello, plain, sealed: Vec::new() }))
+        Self::Curve(Box::new(Secured { curve, hello, plain }))
     }
 
     /// State of a connection with CURVE.
@@ -61,7 +57,7 @@ impl Mechanism {
     pub(super) fn greeting(&self) -> (Vec<u8>, Option<Vec<u8>>) {
         let is_server = self.secured().is_some_and(|secured| secured.curve.is_server());
         let mut greeting = zmtp::greeting(self.name(), is_server);
-        // libzmq leaves at another mechanism before it tells its own, and nobody would know why.
+        // libzmq leaves at another mechanism before it tells its own, and no user would know why.
         let rest = is_server.then(|| greeting.split_off(zmtp::VERSIONED));
         (greeting, rest)
     }
@@ -74,11 +70,36 @@ impl Mechanism {
         }
     }
 
+    /// A command on the connection that is open.
+    pub(super) fn command(&mut self, body: &[u8]) -> Option<Vec<u8>> {
+        let Self::Curve(secured) = self else { return Some(zmtp::command(body)) };
+        let mut sealed = Vec::new();
+        secured.curve.seal(true, false, body, &mut sealed).ok()?;
+        Some(sealed)
+    }
+
+    /// A message that goes next, sealed where the connection has CURVE.
+    ///
+    /// # Errors
+    /// When it cannot be sealed.
+    pub(super) fn sealed(&mut self, frames: &[Bytes]) -> Result<Option<Bytes>, curve::Breach> {
+        let Self::Curve(secured) = self else { return Ok(None) };
+        let mut sealed = Vec::new();
+        for (index, frame) in frames.iter().enumerate() {
+            secured.curve.seal(false, index + 1 < frames.len(), frame, &mut sealed)?;
+        }
+        Ok(Some(sealed.into()))
+    }
+
     /// Takes a command of the handshake; `kind` is our type of socket.
-    pub(super) fn handshake(&mut self, body: &[u8], kind: &str) -> Result<Step, End> {
+    pub(super) fn handshake(
+        &mut self,
+        body: &[u8],
+        kind: &str,
+    ) -> Result<HandshakeStep, ConnectionEnd> {
         match self {
             Self::Null => match zmtp::short_text(body) {
-                Some((b"READY", properties)) => Ok(Step::Open(None, properties.to_vec())),
+                Some((b"READY", properties)) => Ok(HandshakeStep::Open(None, properties.to_vec())),
                 _ => Err(Breach.into()),
             },
             Self::Curve(secured) => Ok(secured.curve.handshake(body, &zmtp::properties(kind))?),
@@ -88,33 +109,8 @@ impl Mechanism {
 
 impl Secured {
     /// Opens a frame in place: its body begins behind [`OVERHEAD`].
-    pub(super) fn open(&mut self, frame: &mut [u8]) -> Result<Opened, End> {
+    pub(super) fn open(&mut self, frame: &mut [u8]) -> Result<Opened, ConnectionEnd> {
         Ok(self.curve.open(frame)?)
-    }
-
-    /// Bytes of the first message of the outbox behind the first `written`.
-    pub(super) fn seal(&mut self, first: &Content, written: usize) -> std::io::Result<&[u8]> {
-        if let Content::Plain { is_command, frames } = first
-            && self.sealed.is_empty()
-        {
-            for (index, frame) in frames.iter().enumerate() {
-                let more = index + 1 < frames.len();
-                let sealed = self.curve.seal(*is_command, more, frame, &mut self.sealed);
-                sealed.map_err(std::io::Error::other)?;
-            }
-        }
-        Ok(self.sealed.get(written..).unwrap_or_default())
-    }
-
-    /// Number of bytes of the message that was sealed last.
-    pub(super) fn sealed(&self) -> usize {
-        self.sealed.len()
-    }
-
-    /// Forgets the message that was sealed last, which is written.
-    pub(super) fn written(&mut self) {
-        self.sealed.clear();
-        self.sealed.shrink_to(KEPT);
     }
 
     /// Assembly for frames with what CURVE adds to them.

@@ -8,31 +8,60 @@ use bytes::Bytes;
 
 use super::own_messages::Fingerprint;
 use super::zmtp;
-use wrapyfi_endpoint::DropReason;
-
-/// Form in which a message waits.
-#[derive(Debug)]
-pub(super) enum Content {
-    /// Bytes as they go on the wire.
-    Encoded(Vec<Bytes>),
-    /// A command, or frames of a message, which each connection with CURVE seals for itself.
-    Plain { is_command: bool, frames: Vec<Bytes> },
-}
+use wrapyfi_endpoint::{DropReason, Pieces, Waits};
 
 /// A message, which exists once however many peers it waits for.
 #[derive(Debug)]
 pub(super) struct Message {
-    pub(super) content: Content,
-    /// Size on the wire, or of the frames that are still to be sealed.
-    pub(super) bytes: usize,
+    /// Its bytes as they go on the wire; its frames where each connection seals them for itself, with CURVE.
+    pub(super) parts: Vec<Bytes>,
+    /// Size of the parts.
+    bytes: usize,
     /// Topic and size as its publisher counts it; none for what the broker says itself.
     pub(super) of: Option<(Bytes, usize)>,
-    /// Fingerprint by which it is known again when it comes back, where somebody here listens.
+    /// Fingerprint by which it is known again when it comes back, where a program here listens.
     pub(super) print: Option<Fingerprint>,
-    /// True where its bytes count as waiting: all but commands, which are few and short.
-    pub(super) is_counted: bool,
     /// A listener missed it already: it is counted once.
     missed: AtomicBool,
+}
+
+/// A message, or bytes of a handshake, that waits for one peer.
+#[derive(Debug)]
+pub(super) enum Outgoing {
+    /// Bytes of the handshake or a command, which are few and do not count as waiting.
+    Word(Bytes),
+    /// A message, and its bytes for this peer alone where they are sealed.
+    Message(Arc<Message>, Option<Bytes>),
+}
+
+impl Outgoing {
+    pub(super) fn message(&self) -> Option<&Arc<Message>> {
+        match self {
+            Self::Word(_) => None,
+            Self::Message(message, _) => Some(message),
+        }
+    }
+
+    /// True for a message of a publisher, which counts against the high-water mark.
+    pub(super) fn is_of_publisher(&self) -> bool {
+        self.message().is_some_and(|message| message.of.is_some())
+    }
+}
+
+impl Waits for Outgoing {
+    fn bytes(&self) -> usize {
+        self.message().map_or(0, |message| message.bytes)
+    }
+}
+
+impl Pieces for Outgoing {
+    fn pieces(&self) -> impl Iterator<Item = &[u8]> {
+        let pieces = match self {
+            Self::Word(bytes) | Self::Message(_, Some(bytes)) => std::slice::from_ref(bytes),
+            Self::Message(message, None) => &message.parts,
+        };
+        pieces.iter().map(|piece| &piece[..])
+    }
 }
 
 /// A message that a listener did not get.
@@ -52,38 +81,9 @@ impl Message {
         of: Option<(Bytes, usize)>,
         print: Option<Fingerprint>,
     ) -> Arc<Self> {
-        let content = match is_sealed {
-            true => Content::Plain { is_command: false, frames },
-            false => Content::Encoded(zmtp::encode(frames)),
-        };
-        Self::of_content(content, of, print, true)
-    }
-
-    /// Bytes of the handshake, which go as they are.
-    pub(super) fn clear(bytes: Vec<u8>) -> Arc<Self> {
-        Self::of_content(Content::Encoded(vec![bytes.into()]), None, None, false)
-    }
-
-    /// A command on a connection that is open.
-    pub(super) fn command(body: Vec<u8>, is_sealed: bool) -> Arc<Self> {
-        match is_sealed {
-            true => {
-                let content = Content::Plain { is_command: true, frames: vec![body.into()] };
-                Self::of_content(content, None, None, false)
-            }
-            false => Self::clear(zmtp::command(&body)),
-        }
-    }
-
-    fn of_content(
-        content: Content,
-        of: Option<(Bytes, usize)>,
-        print: Option<Fingerprint>,
-        is_counted: bool,
-    ) -> Arc<Self> {
-        let (Content::Encoded(parts) | Content::Plain { frames: parts, .. }) = &content;
+        let parts = if is_sealed { frames } else { zmtp::encode(frames) };
         let bytes = parts.iter().map(Bytes::len).sum();
-        Arc::new(Self { content, bytes, of, print, is_counted, missed: AtomicBool::new(false) })
+        Arc::new(Self { parts, bytes, of, print, missed: AtomicBool::new(false) })
     }
 
     /// The loss of this message at one listener.

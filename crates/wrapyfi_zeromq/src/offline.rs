@@ -11,12 +11,12 @@ use super::discovery;
 use super::heard::Heard;
 use super::monitor::Monitor;
 use super::peer::Peer;
-use super::port_check::{self, Answer};
+use super::port_check::{self, PortHolder};
 use super::traffic::TopicTraffic;
 use super::zmtp::{self, Kind};
 
 /// Answer of a port whose program says `bytes` and closes.
-pub fn port_answer(bytes: &[u8]) -> Answer {
+pub fn port_answer(bytes: &[u8]) -> PortHolder {
     port_check::ask(
         &mut Pieces { rest: bytes, piece: bytes.len().max(1), pauses: false, paused: false },
         "SUB",

@@ -1,12 +1,11 @@
-//! Options that all sockets share, and the doorbell between threads.
+//! Options that all sockets share.
 
 use std::net::{IpAddr, TcpStream};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 
-use wrapyfi_endpoint::{Mutex, backoff};
+use wrapyfi_endpoint::backoff;
 
 /// Room above a message limit for topic and header frames.
 pub(super) const FRAME_SLACK: usize = 64 * 1024;
@@ -77,43 +76,4 @@ pub(super) fn set_stream(stream: &TcpStream) -> std::io::Result<()> {
 /// `tcp://ip:port`, as sockets bind and connect.
 pub(super) fn endpoint(ip: IpAddr, port: u16) -> String {
     format!("tcp://{}", std::net::SocketAddr::new(ip, port))
-}
-
-/// A name for a socket inside this process that no other has.
-pub(super) fn inproc_name(what: &str) -> String {
-    static NEXT: AtomicU64 = AtomicU64::new(0);
-    format!("inproc://{what}-{}", NEXT.fetch_add(1, Relaxed))
-}
-
-/// Wakes a thread that polls sockets.
-pub(super) struct StopSignal(Mutex<zmq::Socket>);
-
-impl std::fmt::Debug for StopSignal {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("StopSignal")
-    }
-}
-
-impl StopSignal {
-    /// A signal, and the socket that becomes readable when it rings.
-    pub(super) fn new(context: &zmq::Context) -> zmq::Result<(Self, zmq::Socket)> {
-        let name = inproc_name("stop");
-        let stop = context.socket(zmq::PAIR)?;
-        stop.set_linger(0)?;
-        stop.bind(&name)?;
-        let sender = context.socket(zmq::PAIR)?;
-        sender.set_linger(0)?;
-        sender.connect(&name)?;
-        Ok((Self(Mutex::new(sender)), stop))
-    }
-
-    /// Never blocks: a signal with a thousand unanswered rings needs no more.
-    pub(super) fn ring(&self) {
-        let sender = self.0.lock();
-        if let Err(error) = sender.send("", zmq::DONTWAIT)
-            && error != zmq::Error::EAGAIN
-        {
-            tracing::debug!(%error, "the thread to wake is gone");
-        }
-    }
 }

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Wrapyfi's frames have no room for a sender's mark, so a message is known by length and hash.
-//! Each token is spent once: an equal message from somebody else still arrives.
+//! Each token is spent once: an equal message from another program still arrives.
 
 use std::collections::{HashMap, VecDeque};
 use std::hash::{BuildHasher, RandomState};
@@ -42,7 +42,7 @@ pub(super) struct OwnTopic {
     tokens: Mutex<VecDeque<Token>>,
 }
 
-/// Length and hash of all frames. The hash is seeded per topic, so nobody outside can make a
+/// Length and hash of all frames. The hash is seeded per topic, so no other program can make a
 /// message that is taken for ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fingerprint {
@@ -93,8 +93,8 @@ impl Drop for Listening {
 }
 
 impl OwnTopic {
-    /// Remembers a message about to be published. Costs nothing, and gives `None`, where nobody
-    /// listens here.
+    /// Remembers a message about to be published. Costs nothing, and gives `None`, where no
+    /// listener is here.
     pub(super) fn remember<B: AsRef<[u8]>>(
         &self,
         frames: &[B],

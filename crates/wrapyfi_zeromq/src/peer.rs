@@ -6,8 +6,8 @@
 //!   queue ─▶ outbox ── write ──▶ TCP                 silent: asked whether it lives
 //! ```
 
-use std::collections::{BTreeSet, VecDeque};
-use std::io::{ErrorKind, IoSlice, Read, Write};
+use std::collections::BTreeSet;
+use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,13 +16,13 @@ use bytes::Bytes;
 
 use super::assembly::Assembly;
 use super::curve::{Curve, Grant, OVERHEAD};
-use super::heard::{End, Heard};
+use super::heard::{ConnectionEnd, Heard};
 use super::mechanism::{Mechanism, Secured};
-use super::message::{Content, Message};
+use super::message::{Message, Outgoing};
 use super::options;
 use super::traffic::{DENIED, REFUSED};
-use super::zmtp::{self, Breach, Kind, Step};
-use wrapyfi_endpoint::{Budget, DropReason, PROGRESS, Share, WAITING};
+use super::zmtp::{self, Breach, HandshakeStep, Kind};
+use wrapyfi_endpoint::{Budget, DropReason, Outbox, Overflow, PROGRESS, Share, WAITING};
 
 /// Subscriptions of one listener. Those beyond are ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
@@ -40,8 +40,6 @@ const READS: usize = 16;
 pub(super) const TURN: Duration = Duration::from_millis(5);
 /// Question whether a peer lives: the command, and no time to live.
 const PING: &[u8] = b"\x04PING\0\0";
-/// Pieces given to one write.
-const SLICES: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -69,16 +67,11 @@ pub(super) struct Peer<S = TcpStream> {
     only: Option<Bytes>,
     /// True where the other side has said that our key may not publish that topic.
     pub(super) is_refused: bool,
-    pub(super) outbox: VecDeque<Arc<Message>>,
+    pub(super) outbox: Outbox<Outgoing>,
     /// Messages in it that are counted against the high-water mark.
     waiting: usize,
-    /// Bytes of the first that are written.
-    written: usize,
-    /// Number of bytes that were ever written.
-    pub(super) written_bytes: u64,
     /// The connection takes no more until the system says so.
     pub(super) is_blocked: bool,
-    share: Share,
     /// Share of the message that has begun in the process's budget of waiting bytes.
     begun: Share,
     since: Instant,
@@ -90,7 +83,7 @@ pub(super) struct Peer<S = TcpStream> {
 
 impl<S: Read + Write> Peer<S> {
     pub(super) fn new(stream: S, address: SocketAddr, now: Instant) -> Self {
-        Self {
+        let mut peer = Self {
             stream,
             address,
             kind: Kind::Xpub,
@@ -103,18 +96,17 @@ impl<S: Read + Write> Peer<S> {
             subscribed: Share::of(&SUBSCRIPTIONS),
             only: None,
             is_refused: false,
-            outbox: VecDeque::from([Message::clear(Mechanism::Null.greeting().0)]),
+            outbox: Outbox::default(),
             waiting: 0,
-            written: 0,
-            written_bytes: 0,
             is_blocked: false,
-            share: Share::default(),
             begun: Share::default(),
             since: now,
             heard_at: now,
             asked_at: None,
             has_heartbeats: false,
-        }
+        };
+        peer.put(Mechanism::Null.greeting().0);
+        peer
     }
 
     /// The same, of a connection for messages of one topic.
@@ -135,7 +127,8 @@ impl<S: Read + Write> Peer<S> {
         let plain = self.assembly.take();
         self.assembly = plain.as_ref().map(Secured::around);
         self.mechanism = Mechanism::curve(curve, hello, plain);
-        self.outbox = VecDeque::from([Message::clear(self.mechanism.greeting().0)]);
+        self.outbox = Outbox::default();
+        self.put(self.mechanism.greeting().0);
         self
     }
 
@@ -149,15 +142,22 @@ impl<S: Read + Write> Peer<S> {
         self.grant().is_none_or(|grant| grant.may_subscribe(topic))
     }
 
+    /// Queues bytes that go as they are.
+    fn put(&mut self, bytes: Vec<u8>) {
+        let word = Outgoing::Word(bytes.into());
+        _ = self.outbox.push(word, usize::MAX, Overflow::DropNewest, drop);
+    }
+
     /// Queues a command of the handshake.
     fn say(&mut self, command: &[u8]) {
-        self.outbox.push_back(Message::clear(zmtp::command(command)));
+        self.put(zmtp::command(command));
     }
 
     /// Queues a command on the connection that is open.
     fn tell(&mut self, command: &[u8]) {
-        let is_sealed = self.mechanism.secured().is_some();
-        self.outbox.push_back(Message::command(command.to_vec(), is_sealed));
+        if let Some(bytes) = self.mechanism.command(command) {
+            self.put(bytes);
+        }
     }
 
     /// True when the handshake is over.
@@ -174,88 +174,33 @@ impl<S: Read + Write> Peer<S> {
         message: &Arc<Message>,
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
-        if message.of.is_some() {
-            if hwm.is_some_and(|hwm| self.waiting >= hwm) {
-                return Err(DropReason::Stalled);
-            }
-            if !self.share.take(message.bytes) {
-                return Err(DropReason::OverBudget);
-            }
-            self.waiting += 1;
-        } else if self.outbox.len() > self.waiting + 4 || !self.share.take(message.bytes) {
+        let is_of_publisher = message.of.is_some();
+        if is_of_publisher && hwm.is_some_and(|hwm| self.waiting >= hwm) {
+            return Err(DropReason::Stalled);
+        }
+        if !is_of_publisher && self.outbox.len() > self.waiting + 4 {
             // The broker repeats its counts: an old message need not wait beside a newer one.
             return Ok(());
         }
-        self.outbox.push_back(Arc::clone(message));
-        Ok(())
+        let sealed =
+            self.mechanism.sealed(&message.parts).map_err(|_never| DropReason::SendFailed)?;
+        let outgoing = Outgoing::Message(Arc::clone(message), sealed);
+        match self.outbox.push(outgoing, usize::MAX, Overflow::DropNewest, drop) {
+            Err((_, reason)) if is_of_publisher => Err(reason),
+            queued => {
+                self.waiting += usize::from(is_of_publisher && queued.is_ok());
+                Ok(())
+            }
+        }
     }
 
     pub(super) fn write(&mut self) -> std::io::Result<()> {
-        while let Some(first) = self.outbox.front()
-            && !self.is_blocked
-        {
-            let written = match (&mut self.mechanism, &first.content) {
-                (Mechanism::Curve(secured), content @ Content::Plain { .. }) => {
-                    self.stream.write(secured.seal(content, self.written)?)
-                }
-                _ => self.write_clear(),
-            };
-            match written {
-                Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(count) => {
-                    self.written += count;
-                    self.written_bytes += count as u64;
-                }
-                Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_blocked = true,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-            while let Some(first) = self.outbox.front() {
-                let bytes = match (&self.mechanism, &first.content) {
-                    (Mechanism::Curve(secured), Content::Plain { .. }) => secured.sealed(),
-                    _ => first.bytes,
-                };
-                // What is not sealed yet is not written.
-                if self.written < bytes || self.written == 0 {
-                    break;
-                }
-                self.written -= bytes;
-                if let Mechanism::Curve(secured) = &mut self.mechanism {
-                    secured.written();
-                }
-                if first.is_counted {
-                    self.share.give(first.bytes);
-                }
-                if first.of.is_some() {
-                    self.waiting -= 1;
-                }
-                self.outbox.pop_front();
-            }
+        let Self { stream, outbox, waiting, is_blocked, .. } = self;
+        if !*is_blocked {
+            let sent = |sent: &Outgoing| *waiting -= usize::from(sent.is_of_publisher());
+            *is_blocked = !outbox.write(|slices| stream.write_vectored(slices), sent)?;
         }
         Ok(())
-    }
-
-    /// Writes the first messages of the outbox, as far as they go as they are.
-    fn write_clear(&mut self) -> std::io::Result<usize> {
-        let mut skip = self.written;
-        let mut slices = Vec::with_capacity(SLICES);
-        let encoded = self.outbox.iter().map_while(|message| match &message.content {
-            Content::Encoded(parts) => Some(parts),
-            Content::Plain { .. } => None,
-        });
-        for part in encoded.flatten() {
-            match part.get(skip..) {
-                Some(rest) if !rest.is_empty() => {
-                    slices.push(IoSlice::new(rest));
-                    skip = 0;
-                }
-                _ => skip -= part.len(),
-            }
-            if slices.len() == SLICES {
-                break;
-            }
-        }
-        self.stream.write_vectored(&slices)
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
@@ -269,7 +214,7 @@ impl<S: Read + Write> Peer<S> {
         heard: &mut Vec<Heard>,
         to_the_end: bool,
         now: Instant,
-    ) -> Result<bool, End> {
+    ) -> Result<bool, ConnectionEnd> {
         for _ in 0..READS {
             let read = match &mut self.assembly {
                 Some(assembly) if assembly.is_open() => {
@@ -278,7 +223,7 @@ impl<S: Read + Write> Peer<S> {
                 _ => self.stream.read(scratch).map(|count| (count, None)),
             };
             match read {
-                Ok((0, _)) => return Err(End::Left),
+                Ok((0, _)) => return Err(ConnectionEnd::Left),
                 Ok((count, within)) => {
                     self.heard_at = now;
                     let is_within = within.is_some();
@@ -294,7 +239,7 @@ impl<S: Read + Write> Peer<S> {
                         let is_passed_over = self.give_up_begun(DropReason::OverBudget);
                         self.tell_not_taken(heard);
                         if !is_passed_over || !self.hold_begun() {
-                            return Err(End::OverBudget);
+                            return Err(ConnectionEnd::OverBudget);
                         }
                     }
                     if !is_within && count < scratch.len() && !to_the_end {
@@ -341,7 +286,7 @@ impl<S: Read + Write> Peer<S> {
     }
 
     /// Takes what has come as far as it is complete.
-    fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), End> {
+    fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), ConnectionEnd> {
         if self.stage == Stage::Greeting {
             let Some((greeting, rest)) = self.inbox.split_first_chunk::<{ zmtp::GREETING }>()
             else {
@@ -351,14 +296,14 @@ impl<S: Read + Write> Peer<S> {
             };
             let (theirs, has_heartbeats) = zmtp::read_greeting(greeting)?;
             self.inbox = rest.to_vec();
-            self.outbox.extend(self.mechanism.greeting().1.map(Message::clear));
+            self.mechanism.greeting().1.into_iter().for_each(|rest| self.put(rest));
             let ours = self.mechanism.name();
             if theirs != ours {
-                return Err(End::Mechanism { theirs, ours });
+                return Err(ConnectionEnd::Mechanism { theirs, ours });
             }
             self.has_heartbeats = has_heartbeats;
             self.stage = Stage::Handshake;
-            self.outbox.extend(self.mechanism.begin(self.kind.name()).map(Message::clear));
+            self.mechanism.begin(self.kind.name()).into_iter().for_each(|first| self.put(first));
         }
         let inbox = std::mem::take(&mut self.inbox);
         let mut rest = &inbox[..];
@@ -396,13 +341,13 @@ impl<S: Read + Write> Peer<S> {
     }
 
     /// Takes a command of the handshake.
-    fn handshake(&mut self, body: &[u8]) -> Result<(), End> {
+    fn handshake(&mut self, body: &[u8]) -> Result<(), ConnectionEnd> {
         let theirs = match self.mechanism.handshake(body, self.kind.name()) {
-            Ok(Step::Say(command)) => {
+            Ok(HandshakeStep::Say(command)) => {
                 self.say(&command);
                 return Ok(());
             }
-            Ok(Step::Open(last, theirs)) => {
+            Ok(HandshakeStep::Open(last, theirs)) => {
                 last.iter().for_each(|last| self.say(last));
                 theirs
             }
@@ -414,23 +359,23 @@ impl<S: Read + Write> Peer<S> {
             }
         };
         let (theirs, ours) = (zmtp::socket_type(&theirs).ok_or(Breach)?, self.kind);
-        if !ours.takes(theirs) {
+        if !ours.accepts(theirs) {
             let theirs = String::from_utf8_lossy(theirs).into_owned();
-            return Err(match ours.other().takes(theirs.as_bytes()) {
-                true => End::OtherPort { theirs, ours },
+            return Err(match ours.other().accepts(theirs.as_bytes()) {
+                true => ConnectionEnd::OtherPort { theirs, ours },
                 false => Breach.into(),
             });
         }
         self.stage = Stage::Open;
         if self.only.is_some() {
-            // Each of two of ours asks only who is silent: nobody would know that the other answers.
+            // Each of two of ours asks only who is silent: no program would know that the other answers.
             self.tell(PING);
         }
         Ok(())
     }
 
     /// Takes a message as it came, which with CURVE is one frame of one.
-    fn arrived(&mut self, frames: Vec<Bytes>, heard: &mut Vec<Heard>) -> Result<(), End> {
+    fn arrived(&mut self, frames: Vec<Bytes>, heard: &mut Vec<Heard>) -> Result<(), ConnectionEnd> {
         match &self.mechanism {
             Mechanism::Null => heard.push(Heard::Message(frames)),
             Mechanism::Curve(_) => {
@@ -443,7 +388,7 @@ impl<S: Read + Write> Peer<S> {
     }
 
     /// Opens a frame that was sealed.
-    fn open(&mut self, mut sealed: Vec<u8>, heard: &mut Vec<Heard>) -> Result<(), End> {
+    fn open(&mut self, mut sealed: Vec<u8>, heard: &mut Vec<Heard>) -> Result<(), ConnectionEnd> {
         let Mechanism::Curve(secured) = &mut self.mechanism else { return Ok(()) };
         let opened = secured.open(&mut sealed)?;
         let Some(plain) = secured.plain.as_mut().filter(|_| !opened.is_command) else {

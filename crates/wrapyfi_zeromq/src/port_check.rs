@@ -17,19 +17,19 @@ use super::zmtp::{self, Breach, Frame, GREETING, ready, short_text, socket_type,
 /// Time for the whole conversation.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// A READY command is a few properties; nobody is believed who announces more.
+/// A READY command is a few properties; no program is believed who announces more.
 const MAX_COMMAND: usize = 4096;
 
 /// Kind of program that answers on a port.
 ///
 /// ```
-/// use wrapyfi_zeromq::Answer;
-/// let answer = Answer::Socket("REP".into());
+/// use wrapyfi_zeromq::PortHolder;
+/// let answer = PortHolder::Socket("REP".into());
 /// assert_eq!(answer.to_string(), "a ZeroMQ socket of type REP");
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Answer {
+pub enum PortHolder {
     /// A ZeroMQ socket of this type (`XPUB`, `REP`, …).
     Socket(String),
     /// A ZeroMQ socket that wants this security mechanism, of which no type is known.
@@ -44,7 +44,7 @@ pub enum Answer {
     Nobody(String),
 }
 
-impl fmt::Display for Answer {
+impl fmt::Display for PortHolder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Socket(kind) => write!(f, "a ZeroMQ socket of type {kind}"),
@@ -62,7 +62,7 @@ impl fmt::Display for Answer {
     }
 }
 
-impl Answer {
+impl PortHolder {
     /// Remedy where this is not the broker that is looked for; `settings` have its ports.
     pub(crate) fn remedy(&self, settings: &[&str; 2]) -> String {
         match self {
@@ -80,46 +80,46 @@ impl Answer {
 }
 
 /// Asks `address`, in the role of a socket of type `ours` with that mechanism.
-pub(super) fn ask_port(address: SocketAddr, ours: &str, mechanism: &str) -> Answer {
+pub(super) fn ask_port(address: SocketAddr, ours: &str, mechanism: &str) -> PortHolder {
     let deadline = Instant::now() + TIMEOUT;
     let mut stream = match TcpStream::connect_timeout(&address, TIMEOUT) {
         Ok(stream) => Limited { stream, deadline },
-        Err(error) => return Answer::Nobody(error.to_string()),
+        Err(error) => return PortHolder::Nobody(error.to_string()),
     };
     ask(&mut stream, ours, mechanism)
 }
 
 /// The answer on a connection, to a socket of type `ours` with that mechanism.
-pub(super) fn ask(stream: &mut (impl Read + Write), ours: &str, mechanism: &str) -> Answer {
+pub(super) fn ask(stream: &mut (impl Read + Write), ours: &str, mechanism: &str) -> PortHolder {
     talk(stream, ours, mechanism).unwrap_or_else(|error| match error.kind() {
-        ErrorKind::WouldBlock | ErrorKind::TimedOut => Answer::Silent,
-        _ => Answer::NotZeroMq,
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => PortHolder::Silent,
+        _ => PortHolder::NotZeroMq,
     })
 }
 
-fn talk(stream: &mut (impl Read + Write), ours: &str, wanted: &str) -> std::io::Result<Answer> {
+fn talk(stream: &mut (impl Read + Write), ours: &str, wanted: &str) -> std::io::Result<PortHolder> {
     stream.write_all(&zmtp::greeting(wanted, false))?;
     // The first ten bytes decide: who does not start so will not send sixty-four.
     let mut signature = [0; 10];
     stream.read_exact(&mut signature)?;
     if !matches!(signature, [0xff, .., 0x7f]) {
-        return Ok(Answer::NotZeroMq);
+        return Ok(PortHolder::NotZeroMq);
     }
     let mut rest = [0; GREETING - 10];
     stream.read_exact(&mut rest)?;
     let [major, _minor, mechanism @ ..] = &rest;
     if *major < 3 {
-        return Ok(Answer::NotZeroMq);
+        return Ok(PortHolder::NotZeroMq);
     }
     let mechanism: Vec<u8> = mechanism.iter().copied().take(20).take_while(|&b| b != 0).collect();
     if wanted != zmtp::NULL || mechanism != zmtp::NULL.as_bytes() {
-        return Ok(Answer::Secured(printable(&mechanism)));
+        return Ok(PortHolder::Secured(printable(&mechanism)));
     }
     stream.write_all(&ready(ours))?;
     read_ready(stream)
 }
 
-fn read_ready(stream: &mut impl Read) -> std::io::Result<Answer> {
+fn read_ready(stream: &mut impl Read) -> std::io::Result<PortHolder> {
     let (mut bytes, mut next) = (Vec::new(), [0; 1]);
     loop {
         stream.read_exact(&mut next)?;
@@ -127,24 +127,24 @@ fn read_ready(stream: &mut impl Read) -> std::io::Result<Answer> {
         match split_frame(&bytes, MAX_COMMAND) {
             Ok(None) => {}
             Ok(Some((Frame { is_command: true, body, .. }, _))) => {
-                return Ok(understand(body).unwrap_or(Answer::NotZeroMq));
+                return Ok(understand(body).unwrap_or(PortHolder::NotZeroMq));
             }
-            Ok(Some(_)) | Err(Breach) => return Ok(Answer::NotZeroMq),
+            Ok(Some(_)) | Err(Breach) => return Ok(PortHolder::NotZeroMq),
         }
     }
 }
 
 /// Reads the body of a READY or ERROR command.
-fn understand(body: &[u8]) -> Option<Answer> {
+fn understand(body: &[u8]) -> Option<PortHolder> {
     let (name, properties) = short_text(body)?;
     if name == b"ERROR" {
         let (reason, _) = short_text(properties)?;
-        return Some(Answer::Refused(printable(reason)));
+        return Some(PortHolder::Refused(printable(reason)));
     }
     if name != b"READY" {
         return None;
     }
-    socket_type(properties).map(|kind| Answer::Socket(printable(kind)))
+    socket_type(properties).map(|kind| PortHolder::Socket(printable(kind)))
 }
 
 /// Foreign bytes, fit for a line of log.
@@ -190,7 +190,7 @@ mod tests {
     use super::*;
     use std::net::TcpListener;
 
-    fn ask_socket(socket_type: zmq::SocketType, ours: &str) -> Answer {
+    fn ask_socket(socket_type: zmq::SocketType, ours: &str) -> PortHolder {
         let context = zmq::Context::new();
         let socket = context.socket(socket_type).unwrap();
         socket.bind("tcp://127.0.0.1:*").unwrap();
@@ -200,25 +200,25 @@ mod tests {
 
     #[test]
     fn zeromq_sockets_tell_their_type() {
-        assert_eq!(ask_socket(zmq::XPUB, "SUB"), Answer::Socket("XPUB".into()));
-        assert_eq!(ask_socket(zmq::XSUB, "PUB"), Answer::Socket("XSUB".into()));
-        assert_eq!(ask_socket(zmq::REP, "SUB"), Answer::Socket("REP".into()));
+        assert_eq!(ask_socket(zmq::XPUB, "SUB"), PortHolder::Socket("XPUB".into()));
+        assert_eq!(ask_socket(zmq::XSUB, "PUB"), PortHolder::Socket("XSUB".into()));
+        assert_eq!(ask_socket(zmq::REP, "SUB"), PortHolder::Socket("REP".into()));
     }
 
     #[test]
     fn other_programs_are_told_apart() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        assert_eq!(ask_port(address, "SUB", zmtp::NULL), Answer::Silent);
+        assert_eq!(ask_port(address, "SUB", zmtp::NULL), PortHolder::Silent);
 
         let server = std::thread::spawn(move || {
             let (_first, _) = listener.accept().unwrap();
             let (mut second, _) = listener.accept().unwrap();
             second.write_all(b"SSH-2.0-OpenSSH_9.6\r\n").unwrap();
         });
-        assert_eq!(ask_port(address, "SUB", zmtp::NULL), Answer::NotZeroMq);
+        assert_eq!(ask_port(address, "SUB", zmtp::NULL), PortHolder::NotZeroMq);
         server.join().unwrap();
-        assert!(matches!(ask_port(address, "SUB", zmtp::NULL), Answer::Nobody(_)));
+        assert!(matches!(ask_port(address, "SUB", zmtp::NULL), PortHolder::Nobody(_)));
     }
 
     #[test]
@@ -232,8 +232,8 @@ mod tests {
         ] {
             assert_eq!(understand(bytes), None, "{bytes:?}");
         }
-        assert_eq!(understand(b"\x05ERROR\x02no"), Some(Answer::Refused("no".into())));
+        assert_eq!(understand(b"\x05ERROR\x02no"), Some(PortHolder::Refused("no".into())));
         let endless = [6, 0xff, 0, 0, 0, 0, 0, 0, 0];
-        assert_eq!(read_ready(&mut &endless[..]).unwrap(), Answer::NotZeroMq);
+        assert_eq!(read_ready(&mut &endless[..]).unwrap(), PortHolder::NotZeroMq);
     }
 }

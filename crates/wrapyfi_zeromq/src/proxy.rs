@@ -10,8 +10,8 @@
 //! Frames are moved, not copied, where they are large. The monitor sees subscriptions only: messages, however many,
 //! cannot delay the counts by more than one batch.
 //!
-//! A listener that reads more slowly than is published misses what exceeds its queue here, and nobody else is slowed
-//! down. Each message that it misses is counted, here and where it was published in this process.
+//! A listener that reads more slowly than is published misses what exceeds its queue here, and no other program is
+//! slowed down. Each message that it misses is counted, here and where it was published in this process.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,14 +20,14 @@ use bytes::Bytes;
 
 use super::assembly::NotTaken;
 use super::broker_ports::BrokerPorts;
+use super::codec::looks_like;
 use super::heard::Heard;
 use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
 use super::status::BrokerStatus;
 use super::traffic::{OWN_TOPICS, TRAFFIC_TOPIC, Traffic, TrafficTable};
-use super::turns::Turns;
-use wrapyfi_endpoint::codec::frames::looks_like;
+use super::turns::{Stop, Turns};
 use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Time between repeats of the counts, for publishers that connect later than the listener.
@@ -45,7 +45,7 @@ pub(super) struct Proxy {
     pub(super) slow: Throttle,
     /// Time at which the counts are sent again.
     pub(super) repeat_at: Instant,
-    /// True where something has changed that nobody was told.
+    /// True where a change has not been announced.
     pub(super) is_untold: bool,
     /// Time from which on changes are told.
     pub(super) tell_at: Instant,
@@ -169,11 +169,11 @@ impl Turns for Proxy {
     const NAME: &'static str = "the ZeroMQ broker";
 
     /// Waits for one event or for the time of the next counts.
-    fn turn(&mut self) -> zmq::Result<bool> {
+    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
         let tell_at =
             if self.is_untold { self.tell_at.min(self.repeat_at) } else { self.repeat_at };
         let wait = options::poll_ms(tell_at.saturating_duration_since(Instant::now()));
-        let Some([front, back]) = self.ports.wait(wait)? else {
+        let Some([front, back]) = self.ports.wait(stop, wait)? else {
             return Ok(false);
         };
         let mut now = Instant::now();
@@ -200,10 +200,6 @@ impl Turns for Proxy {
         }
         self.settle();
         Ok(true)
-    }
-
-    fn stop(&self) -> &zmq::Socket {
-        &self.ports.stop
     }
 
     fn failed(&mut self, why: Option<String>) {

@@ -1,4 +1,4 @@
-//! A topic published: encodes, sends on the caller's thread, knows whether anybody listens.
+//! A topic published: encodes, sends on the caller's thread, knows whether a program listens.
 //!
 //! An XPUB instead of Wrapyfi's PUB, because it tells who is subscribed. To the broker's XSUB the
 //! two are alike. It holds `send_hwm` messages for a broker that reads slower than we send; what
@@ -6,12 +6,12 @@
 
 use std::sync::Arc;
 
+use super::codec;
 use super::io::{Command, Handle};
 use super::publisher_connection::PublisherConnection;
-use super::shared::Shared;
+use super::shared::ZeroMqState;
 use super::zmtp::Kind;
 use wrapyfi_data::types::{Image, Payload, Pixels};
-use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
 
 /// Sends one topic through the broker.
@@ -25,7 +25,7 @@ pub(super) struct ZeroMqPublisher {
 }
 
 impl ZeroMqPublisher {
-    pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> Self {
+    pub(super) fn open(shared: &ZeroMqState, spec: &TopicSpec, context: &Context) -> Self {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
@@ -66,7 +66,7 @@ impl ZeroMqPublisher {
 }
 
 impl Publisher for ZeroMqPublisher {
-    /// While nobody is subscribed nothing is encoded: [`PublishError::NoConsumer`].
+    /// While no program is subscribed nothing is encoded: [`PublishError::NoConsumer`].
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         if let Some(what) = self.connection.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
@@ -77,7 +77,7 @@ impl Publisher for ZeroMqPublisher {
         if !self.told_order {
             self.told_order = self.tell_order(payload);
         }
-        let frames = frames::encode(payload, &self.spec)?;
+        let frames = codec::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
         self.connection.send(frames, bytes).map_err(|reason| {
             let topic = self.spec.topic.clone();
@@ -98,7 +98,7 @@ impl Publisher for ZeroMqPublisher {
     }
 
     fn link(&self) -> Link {
-        // A lazy route takes from its source what somebody wants.
+        // A lazy route takes from its source what a program wants.
         let peers = Some(self.connection.subscriptions(self.spec.mark.is_some()));
         Link { peers, waiting_for: self.connection.link.waiting_for(), keeps_last: false }
     }

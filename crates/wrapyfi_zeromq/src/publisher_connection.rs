@@ -20,15 +20,15 @@ use mio::{Interest, Registry};
 
 use super::curve::{self, Curve, Keys};
 use super::heard;
-use super::io::{Command, End, Handle, Look, token};
+use super::io::{Command, Handle, IoEndpoint, IoProgress, token};
 use super::link::{self, BrokerLink};
-use super::message::Message;
+use super::message::{Message, Outgoing};
 use super::own_messages::OwnTopic;
 use super::peer::Peer;
-use super::shared::Shared;
+use super::shared::ZeroMqState;
 use super::{contexts, options};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, Throttle};
 
 /// Bytes read at once.
 const READ_BYTES: usize = 4096;
@@ -48,14 +48,12 @@ pub(super) struct PublisherConnection {
     io: Arc<Handle>,
     /// Keys of this process, where connections are to have CURVE.
     keys: Option<Arc<Keys>>,
-    state: Mutex<State>,
+    state: Mutex<ConnectionState>,
 }
 
-struct State {
+struct ConnectionState {
     way: Way,
     backoff: Backoff,
-    /// Number of bytes written when that was last more than before, and the instant.
-    moved: (u64, Instant),
     /// Instant until which what waits is still sent, because the publisher is closed.
     closes: Option<Instant>,
 }
@@ -73,7 +71,7 @@ enum Way {
 impl PublisherConnection {
     /// A connection to `broker` that the I/O thread makes.
     pub(super) fn new(
-        shared: &Shared,
+        shared: &ZeroMqState,
         topic: &str,
         own: Arc<OwnTopic>,
         context: &Context,
@@ -81,7 +79,7 @@ impl PublisherConnection {
         let (io, broker) = (&shared.io.handle, shared.sub_address);
         let (id, now) = (io.next_id(), Instant::now());
         let backoff = Backoff::of_process(id);
-        let state = State { way: Way::Down(now), backoff, moved: (0, now), closes: None };
+        let state = ConnectionState { way: Way::Down(now), backoff, closes: None };
         Arc::new(Self {
             id,
             broker,
@@ -144,15 +142,15 @@ impl PublisherConnection {
 
     fn step(
         &self,
-        state: &mut State,
+        state: &mut ConnectionState,
         now: Instant,
         registry: &Registry,
         faults: &mut Throttle,
-    ) -> Look {
+    ) -> IoProgress {
         let closes = state.closes;
         match &state.way {
             Way::Down(_) | Way::Begun(..) if closes.is_some() => state.way = Way::Ended,
-            Way::Down(at) if *at > now => return Look::after(*at - now),
+            Way::Down(at) if *at > now => return IoProgress::after(*at - now),
             Way::Down(_) => match connect(self.broker, self.id, registry) {
                 Ok(stream) => state.way = Way::Begun(stream, now),
                 Err(error) => {
@@ -174,7 +172,7 @@ impl PublisherConnection {
             let left = options::HANDSHAKE.saturating_sub(now.saturating_duration_since(*since));
             match is_connected(stream) {
                 Ok(true) => {}
-                Ok(false) if !left.is_zero() => return Look::after(left),
+                Ok(false) if !left.is_zero() => return IoProgress::after(left),
                 Ok(false) => return self.lose(state, now, &"it does not take the connection"),
                 Err(error) => return self.lose(state, now, &error),
             }
@@ -184,10 +182,9 @@ impl PublisherConnection {
                     Ok(peer) => state.way = Way::Up(Box::new(peer)),
                     Err(breach) => return self.lose(state, now, &breach),
                 }
-                state.moved = (0, now);
             }
         }
-        let Way::Up(peer) = &mut state.way else { return Look::over() };
+        let Way::Up(peer) = &mut state.way else { return IoProgress::over() };
         let mut heard = Vec::new();
         // At the end too: what is left unread would make the system throw away what it has not sent.
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
@@ -200,15 +197,13 @@ impl PublisherConnection {
             return self.lose(state, now, &"it does not answer");
         }
         let written = peer.write();
-        if peer.outbox.is_empty() || peer.written_bytes != state.moved.0 {
-            state.moved = (peer.written_bytes, now);
-        } else if now.saturating_duration_since(state.moved.1) >= PROGRESS {
+        if peer.outbox.stands_still(now) {
             return self.lose(state, now, &"it reads nothing");
         }
         let more = match (read, written) {
             (Ok(more), Ok(())) => more,
             (Err(why), _) => {
-                if matches!(why, heard::End::Mechanism { .. }) {
+                if matches!(why, heard::ConnectionEnd::Mechanism { .. }) {
                     self.link.note(link::SECURED);
                 }
                 return self.lose(state, now, &why);
@@ -218,12 +213,12 @@ impl PublisherConnection {
         let waits = peer.is_open() && !peer.outbox.is_empty();
         if let Some(closes) = closes {
             if waits && closes > now {
-                return Look::after(closes - now);
+                return IoProgress::after(closes - now);
             }
             return self.end(state);
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
-        Look { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
+        IoProgress { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
     }
 
     /// A connection that begins, with CURVE where there are keys.
@@ -234,7 +229,12 @@ impl PublisherConnection {
     }
 
     /// Ends the connection; another try follows after a pause. Messages that waited are lost.
-    fn lose(&self, state: &mut State, now: Instant, why: &dyn std::fmt::Display) -> Look {
+    fn lose(
+        &self,
+        state: &mut ConnectionState,
+        now: Instant,
+        why: &dyn std::fmt::Display,
+    ) -> IoProgress {
         tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
         let pause = state.backoff.wait();
         match std::mem::replace(&mut state.way, Way::Down(now + pause)) {
@@ -244,19 +244,19 @@ impl PublisherConnection {
             }
             _ => _ = self.link.note(link::UNANSWERED),
         }
-        Look::after(pause)
+        IoProgress::after(pause)
     }
 
     /// Ends the connection for good.
-    fn end(&self, state: &mut State) -> Look {
+    fn end(&self, state: &mut ConnectionState) -> IoProgress {
         if let Way::Up(peer) = std::mem::replace(&mut state.way, Way::Ended) {
             self.count_lost(&peer, DropReason::Closed);
         }
-        Look::over()
+        IoProgress::over()
     }
 
     fn count_lost(&self, peer: &Peer, reason: DropReason) {
-        for message in &peer.outbox {
+        for message in peer.outbox.iter().filter_map(Outgoing::message) {
             if let Some((_, bytes)) = message.of {
                 self.context.counters.undelivered(reason, bytes);
             }
@@ -264,7 +264,7 @@ impl PublisherConnection {
         }
     }
 
-    /// An equal message that comes after one that was not sent is somebody else's.
+    /// An equal message that comes after one that was not sent is another program's.
     fn forget(&self, message: &Message) {
         if let Some(print) = message.print {
             self.own.forget(print);
@@ -272,14 +272,14 @@ impl PublisherConnection {
     }
 }
 
-impl End for Arc<PublisherConnection> {
+impl IoEndpoint for Arc<PublisherConnection> {
     /// Connects, hears, and writes what waits.
     fn look(
         &mut self,
         now: Instant,
         registry: &Registry,
         faults: &mut Throttle,
-    ) -> zmq::Result<Look> {
+    ) -> zmq::Result<IoProgress> {
         let mut state = self.state.lock();
         let before = (state.subscriptions(false), self.link.state());
         let look = self.step(&mut state, now, registry, faults);
@@ -298,7 +298,7 @@ impl End for Arc<PublisherConnection> {
     }
 }
 
-impl State {
+impl ConnectionState {
     fn subscriptions(&self, named: bool) -> usize {
         match &self.way {
             Way::Up(peer) => peer.topics.iter().filter(|topic| !named || !topic.is_empty()).count(),
@@ -322,7 +322,7 @@ fn is_connected(stream: &TcpStream) -> std::io::Result<bool> {
         return Err(error);
     }
     match stream.peer_addr() {
-        // The system may have chosen the port itself, where nobody has it: then it is connected to itself.
+        // The system may have chosen the port itself, where no program has it: then it is connected to itself.
         Ok(broker) if broker == stream.local_addr()? => {
             Err(std::io::ErrorKind::ConnectionRefused.into())
         }

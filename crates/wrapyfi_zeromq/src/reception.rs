@@ -22,7 +22,7 @@ use bytes::Bytes;
 use mio::Registry;
 
 use super::frames::{Received, receive};
-use super::io::{End, Look};
+use super::io::{IoEndpoint, IoProgress};
 use super::link::{self, Watch};
 use super::own_messages::Listening;
 use super::traffic::DENIED;
@@ -61,14 +61,14 @@ pub(super) struct Reception {
     pub(super) is_closed: bool,
 }
 
-impl End for Reception {
+impl IoEndpoint for Reception {
     fn descriptors(&self) -> Vec<RawFd> {
         self.socket.get_fd().ok().into_iter().chain(self.watch.fd()).collect()
     }
 
-    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<IoProgress> {
         if self.is_closed {
-            return Ok(Look::over());
+            return Ok(IoProgress::over());
         }
         // Connecting again may take the signal of what waits to be read.
         let mut more = self.watch.time_left(now) == Some(Duration::ZERO);
@@ -84,7 +84,7 @@ impl End for Reception {
             more |= stopped && held.is_none();
         }
         let timeout = held.into_iter().chain(self.revive(now)).min();
-        Ok(Look { more, timeout, over: false })
+        Ok(IoProgress { more, timeout, over: false })
     }
 
     fn close(&mut self, _now: Instant) {

@@ -10,14 +10,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::envelope::{self, ServiceMessage};
-use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle};
-use super::shared::Shared;
+use super::service_connection::{Delivery, ServiceConnection, ServiceHandle, ServiceRole};
+use super::shared::ZeroMqState;
 use super::zmtp;
+use crate::codec::mark::{self, Kind, Mark};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::codec::requests;
-use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
 use wrapyfi_endpoint::requests::{Asked, Requests};
 use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
 use wrapyfi_endpoint::{Context, DropReason, Link, OpenResult, Request, ServeError, ServiceSpec};
@@ -30,7 +30,7 @@ pub(super) struct ZeroMqServer {
 
 impl ZeroMqServer {
     pub(super) fn open(
-        shared: &Shared,
+        shared: &ZeroMqState,
         endpoint: &str,
         spec: &ServiceSpec,
         context: &Context,
@@ -40,7 +40,7 @@ impl ZeroMqServer {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         shared.ledger.enter(zmtp::Kind::Router, &spec.service, &context.counters);
         let requests = Arc::new(Requests::new(&spec, context));
-        let end = End::Server(Arc::clone(&requests));
+        let end = ServiceRole::Server(Arc::clone(&requests));
         let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)?;
         Ok(WireServer::new(Self { spec: spec.clone(), handle }, requests, &spec))
     }
@@ -52,7 +52,7 @@ impl ServerWire for ZeroMqServer {
 
     fn is_given_up(&self, asked: &Asked<Delivery>) -> bool {
         let mark = envelope::mark(&asked.ask.envelope);
-        // Without a mark nobody says how long it waits.
+        // Without a mark it is not known how long the client waits.
         let timeout =
             mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()));
         ends(asked.received_at, timeout) <= self.handle.context.clock.now()
@@ -81,7 +81,7 @@ impl ServerWire for ZeroMqServer {
             let body = requests::encode_reply(payload, &self.spec)?.into();
             return Ok(ServiceMessage { envelope, body });
         };
-        let (content, body) = requests::encode_binary(payload, &self.spec)?;
+        let (content, body) = mark::encode(payload, &self.spec)?;
         envelope::stamp(&mut envelope, Mark { kind: Kind::Binary, content, ..mark });
         Ok(ServiceMessage { envelope, body })
     }

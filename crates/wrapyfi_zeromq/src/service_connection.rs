@@ -20,20 +20,22 @@ use mio::Registry;
 use super::contexts;
 use super::envelope::{self, ServiceMessage};
 use super::frames::{Received, receive};
-use super::io::{self, Command, Handle, Look};
+use super::io::{self, Command, Handle, IoProgress};
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, SEND_HWM};
-use super::shared::Shared;
+use super::shared::ZeroMqState;
 use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, Mutex, OpenResult, ServiceSpec, Share, Throttle};
+use wrapyfi_endpoint::{
+    Context, DropReason, Mutex, OpenResult, Outbox, Overflow, ServiceSpec, Share, Throttle, Waits,
+};
 
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
 /// End of a service that a connection is.
 #[derive(Debug)]
-pub(super) enum End {
+pub(super) enum ServiceRole {
     Client,
     /// Server with the queue of its requests.
     Server(Arc<Requests<Delivery>>),
@@ -72,23 +74,29 @@ impl Unusable {
 /// A message that waits to be sent.
 struct Waiting {
     message: ServiceMessage,
-    /// Instant after which nobody waits for it any more.
+    /// Instant after which no caller waits for it any more.
     until: Option<Instant>,
     /// Bytes that its server counts as sent already.
     sent_bytes: Option<usize>,
+    /// Bytes that count while it waits: those of a request count until its call has ended.
+    bytes: usize,
+}
+
+impl Waits for Waiting {
+    fn bytes(&self) -> usize {
+        self.bytes
+    }
 }
 
 /// State that the owner of a connection and the I/O thread share.
 pub(super) struct ServiceHandle {
     pub(super) id: u64,
     service: String,
-    end: End,
+    end: ServiceRole,
     /// Deliveries that may wait at a client.
     limit: usize,
-    outgoing: Mutex<VecDeque<Waiting>>,
+    outgoing: Mutex<Outbox<Waiting>>,
     incoming: Mutex<VecDeque<Delivery>>,
-    /// Bytes that wait to be sent.
-    sending: Share,
     /// Bytes that came and were not taken.
     received: Share,
     pub(super) link: Arc<BrokerLink>,
@@ -103,7 +111,7 @@ impl ServiceHandle {
         message: ServiceMessage,
         until: Option<Instant>,
     ) -> Result<(), ServiceMessage> {
-        let sent_bytes = matches!(self.end, End::Server(_)).then(|| message.size());
+        let sent_bytes = matches!(self.end, ServiceRole::Server(_)).then(|| message.size());
         self.queue(message, until, sent_bytes)
     }
 
@@ -119,17 +127,12 @@ impl ServiceHandle {
         until: Option<Instant>,
         sent_bytes: Option<usize>,
     ) -> Result<(), ServiceMessage> {
-        if !self.sending.take(self.counted(&message)) {
-            return Err(message);
-        }
-        self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
+        let bytes = if matches!(self.end, ServiceRole::Server(_)) { message.size() } else { 0 };
+        let waiting = Waiting { message, until, sent_bytes, bytes };
+        let queued = self.outgoing.lock().push(waiting, usize::MAX, Overflow::DropNewest, drop);
+        queued.map_err(|(waiting, _)| waiting.message)?;
         self.io.send(Command::Look(self.id));
         Ok(())
-    }
-
-    /// Bytes that count while a message waits to be sent: those of a request count until its call has ended.
-    fn counted(&self, message: &ServiceMessage) -> usize {
-        if matches!(self.end, End::Server(_)) { message.size() } else { 0 }
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
@@ -154,12 +157,12 @@ pub(super) struct ServiceConnection {
     closes: Option<Instant>,
 }
 
-impl io::End for ServiceConnection {
+impl io::IoEndpoint for ServiceConnection {
     fn descriptors(&self) -> Vec<RawFd> {
         self.socket.get_fd().ok().into_iter().chain(self.watch.fd()).collect()
     }
 
-    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<IoProgress> {
         // Connecting again may take the signal of what waits to be read.
         let mut more = self.watch.time_left(now) == Some(Duration::ZERO);
         if self.watch.take() {
@@ -171,7 +174,7 @@ impl io::End for ServiceConnection {
         more |= self.has_more()?;
         let lingers = self.lingers(now);
         let timeout = self.revive(now).into_iter().chain(lingers).min();
-        Ok(Look { more, timeout, over: lingers == Some(Duration::ZERO) })
+        Ok(IoProgress { more, timeout, over: lingers == Some(Duration::ZERO) })
     }
 
     /// Has the socket closed once what waits is sent, or some time has passed.
@@ -182,11 +185,8 @@ impl io::End for ServiceConnection {
     /// Closes the socket, which still sends what was given to it.
     fn end(self: Box<Self>) -> Option<Watch> {
         // What the broker had no room for until now is lost with the socket.
-        for left in self.handle.outgoing.lock().drain(..) {
-            self.handle.sending.give(self.handle.counted(&left.message));
-            if let Some(bytes) = left.sent_bytes {
-                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
-            }
+        for bytes in self.handle.outgoing.lock().drain().filter_map(|left| left.sent_bytes) {
+            self.handle.context.counters.undelivered(DropReason::Closed, bytes);
         }
         self.handle.link.note(link::ENDED);
         drop(self.socket);
@@ -197,9 +197,9 @@ impl io::End for ServiceConnection {
 impl ServiceConnection {
     /// Connects to `endpoint` of the broker and hands the socket to the I/O thread.
     pub(super) fn open(
-        shared: &Shared,
+        shared: &ZeroMqState,
         endpoint: &str,
-        end: End,
+        end: ServiceRole,
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<Arc<ServiceHandle>> {
@@ -213,7 +213,7 @@ impl ServiceConnection {
             socket.set_sndhwm(i32::from(SEND_HWM))?;
             // A server's replies belong to the clients of one broker, and go with it. What a client has received must
             // not: libzmq would throw away a reply that came just before its broker ended.
-            socket.set_immediate(matches!(end, End::Server(_)))?;
+            socket.set_immediate(matches!(end, ServiceRole::Server(_)))?;
             options::set_message_limit(&socket, spec.limits.message_bytes)?;
             link::connect(context, socket, &link, shared.keys.as_ref())
         });
@@ -226,7 +226,6 @@ impl ServiceConnection {
             limit: spec.pending.saturating_mul(2),
             outgoing: Mutex::default(),
             incoming: Mutex::default(),
-            sending: Share::default(),
             received: Share::default(),
             link,
             context: context.clone(),
@@ -248,7 +247,7 @@ impl ServiceConnection {
     /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
     fn lingers(&self, now: Instant) -> Option<Duration> {
         let left = self.closes?.saturating_duration_since(now);
-        let sends = matches!(self.handle.end, End::Server(_)) && self.handle.link.is_up();
+        let sends = matches!(self.handle.end, ServiceRole::Server(_)) && self.handle.link.is_up();
         let waits = sends && !self.handle.outgoing.lock().is_empty();
         Some(if waits { left } else { Duration::ZERO })
     }
@@ -261,19 +260,18 @@ impl ServiceConnection {
         }
         let mut outgoing = self.handle.outgoing.lock();
         let now = self.handle.context.clock.now();
-        while let Some(Waiting { message, until, .. }) = outgoing.front() {
+        while let Some(Waiting { message, until, .. }) = outgoing.first() {
             let in_time = until.is_none_or(|until| until > now);
             if in_time && !message.send(&self.socket)? {
                 break;
             }
-            self.handle.sending.give(self.handle.counted(message));
-            outgoing.pop_front();
+            _ = outgoing.pop();
         }
         Ok(())
     }
 
     fn may_write(&self) -> bool {
-        matches!(self.handle.end, End::Server(_)) || self.handle.link.is_up()
+        matches!(self.handle.end, ServiceRole::Server(_)) || self.handle.link.is_up()
     }
 
     /// True when there is something to read, or room for what waits to be sent.
@@ -310,21 +308,21 @@ impl ServiceConnection {
     fn deliver(&self, delivery: Delivery) {
         let (handle, size) = (&self.handle, delivery.wire_bytes);
         match &handle.end {
-            End::Server(requests) => {
+            ServiceRole::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
                     handle.refuse(envelope, &error.to_string());
                 }
             }
-            End::Client if handle.incoming.lock().len() >= handle.limit => {
-                // Nobody asked for so many.
+            ServiceRole::Client if handle.incoming.lock().len() >= handle.limit => {
+                // The client has not asked for so many.
                 handle.context.counters.received(size);
                 handle.context.counters.dropped(DropReason::QueueFull);
             }
-            End::Client if !handle.received.take(size) => {
+            ServiceRole::Client if !handle.received.take(size) => {
                 handle.context.counters.received(size);
                 handle.context.counters.dropped(DropReason::OverBudget);
             }
-            End::Client => {
+            ServiceRole::Client => {
                 handle.incoming.lock().push_back(delivery);
                 handle.context.wake.ring();
             }

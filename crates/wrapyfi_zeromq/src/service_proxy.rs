@@ -11,7 +11,7 @@
 //! it was that long on its way. Requests of Python's clients are held until a server comes: they wait for ever.
 //! Replies that a client does not read wait here as well, where their bytes count; its connection has two of them.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,8 +23,8 @@ use super::envelope::{self, ServiceMessage};
 use super::front::Front;
 use super::options;
 use super::status::ServiceBrokerStatus;
-use super::turns::Turns;
-use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
+use super::turns::{Stop, Turns};
+use wrapyfi_endpoint::{DropReason, Mutex, Outbox, Overflow, Waits};
 
 /// Longest time that the last replies are waited for; a program has two seconds to end.
 const FAREWELL: Duration = Duration::from_millis(1000);
@@ -38,24 +38,28 @@ pub(super) struct ServiceProxy {
     ports: BrokerPorts,
     tick_at: Instant,
     /// Requests that no server has room for, the oldest first.
-    held: VecDeque<Held>,
+    held: Outbox<Held>,
     pending: usize,
-    /// Bytes of what is held.
-    share: Share,
+    /// Number of servers at the last look.
+    servers: usize,
     /// Replies by client, where one does not read.
-    unread: BTreeMap<Bytes, Unread>,
+    unread: BTreeMap<Bytes, Outbox<Unread>>,
     tally: ServiceBrokerStatus,
     /// The same, as others see it.
     status: Arc<Mutex<ServiceBrokerStatus>>,
 }
 
-/// Replies that wait until their client reads.
+/// A reply that waits until its client reads.
 struct Unread {
-    /// Replies, each with the number that it counts for: an error of the broker itself is none.
-    replies: VecDeque<(ServiceMessage, u64)>,
-    share: Share,
-    /// Instant at which the client last read one, or should have read the first.
-    moved_at: Instant,
+    reply: ServiceMessage,
+    /// Number of replies that it counts for: an error of the broker itself is none.
+    replies: u64,
+}
+
+impl Waits for Unread {
+    fn bytes(&self) -> usize {
+        self.reply.size()
+    }
 }
 
 /// Outcome of sending to a client.
@@ -72,6 +76,12 @@ struct Held {
     until: Option<Instant>,
 }
 
+impl Waits for Held {
+    fn bytes(&self) -> usize {
+        self.message.size()
+    }
+}
+
 impl ServiceProxy {
     pub(super) fn new(
         ports: BrokerPorts,
@@ -81,9 +91,9 @@ impl ServiceProxy {
         Self {
             ports,
             tick_at: Instant::now(),
-            held: VecDeque::new(),
+            held: Outbox::default(),
             pending: pending.max(1),
-            share: Share::default(),
+            servers: 0,
             unread: BTreeMap::new(),
             tally: ServiceBrokerStatus::default(),
             status,
@@ -114,7 +124,8 @@ impl ServiceProxy {
 
     fn show(&mut self) {
         self.tally.cut = self.ports.settle();
-        *self.ports.ledger.servers.lock() = Some(self.ports.back.connected());
+        self.servers = self.ports.back.connected();
+        *self.ports.ledger.servers.lock() = Some(self.servers);
         self.status.lock().clone_from(&self.tally);
     }
 
@@ -149,49 +160,58 @@ impl ServiceProxy {
                 self.tally.expired += 1;
                 continue;
             }
-            // Straight through where nobody waits in front of it.
+            // Straight through where no request waits in front of it.
             if self.held.is_empty() && forward(&message, &mut self.ports.back, &mut self.tally) {
                 continue;
             }
-            let bytes = message.size();
-            let refusal = if self.held.len() >= self.pending {
-                let limit = self.pending;
-                Some(format!(
-                    "{limit} requests wait for a server at this broker, which is the limit"
-                ))
-            } else if !self.share.take(bytes) {
-                let what =
-                    "requests that wait for a server hold this broker's share of waiting_mib";
-                Some(format!("a request of {bytes} bytes finds no room: {what}"))
-            } else {
-                None
+            let held = Held { message, until };
+            let held = self.held.push(held, self.pending, Overflow::DropNewest, drop);
+            let Err((Held { message, .. }, reason)) = held else { continue };
+            let why = match reason {
+                DropReason::OverBudget => format!(
+                    "a request of {} bytes finds no room: requests that wait for a server hold this broker's share of \
+                     waiting_mib",
+                    message.size()
+                ),
+                _ => format!(
+                    "{} requests wait for a server at this broker, which is the limit",
+                    self.pending
+                ),
             };
-            if let Some(why) = refusal {
-                self.tally.overloaded += 1;
-                let text = format!("{why}: start a server, or ask again later");
-                self.answer(ServiceMessage::error(message.envelope, &text), 0);
-                continue;
-            }
-            self.held.push_back(Held { message, until });
+            self.tally.overloaded += 1;
+            let text = format!("{why}: start a server, or ask again later");
+            self.answer(ServiceMessage::error(message.envelope, &text), 0);
+        }
+    }
+
+    /// Refuses the requests without a limit of time when the last server goes: who has waited for it is told so, and
+    /// nothing is begun hours later that nobody waits for.
+    fn refuse_unlimited(&mut self) {
+        if self.servers == 0 || self.ports.back.connected() > 0 {
+            return;
+        }
+        let has_limit = |held: &Held| held.message.mark().is_none_or(|mark| mark.has_limit());
+        let unlimited = self.held.iter().filter(|held| !has_limit(held));
+        let envelopes: Vec<_> = unlimited.map(|held| held.message.envelope.clone()).collect();
+        self.held.retain(has_limit);
+        for envelope in envelopes {
+            self.answer(
+                ServiceMessage::error(envelope, "the last server of the broker has gone"),
+                0,
+            );
         }
     }
 
     fn pass_requests(&mut self) {
         let now = Instant::now();
         let before = self.held.len();
-        let share = &self.share;
-        self.held.retain(|held| {
-            let stays = held.until.is_none_or(|until| until > now);
-            share.give(if stays { 0 } else { held.message.size() });
-            stays
-        });
+        self.held.retain(|held| held.until.is_none_or(|until| until > now));
         self.tally.expired += (before - self.held.len()) as u64;
-        while let Some(held) = self.held.front() {
+        while let Some(held) = self.held.first() {
             if !forward(&held.message, &mut self.ports.back, &mut self.tally) {
                 break;
             }
-            self.share.give(held.message.size());
-            self.held.pop_front();
+            _ = self.held.pop();
         }
         self.tally.waiting = self.held.len() as u64;
     }
@@ -219,13 +239,9 @@ impl ServiceProxy {
             false => self.send(&reply, replies),
         };
         if sent == Sent::NoRoom {
-            let unread = self.unread.entry(client).or_insert_with(|| Unread {
-                replies: VecDeque::new(),
-                share: self.share.beside(),
-                moved_at: Instant::now(),
-            });
-            if unread.replies.len() < self.pending && unread.share.take(reply.size()) {
-                unread.replies.push_back((reply, replies));
+            let unread = self.unread.entry(client).or_insert_with(|| self.held.beside());
+            let reply = Unread { reply, replies };
+            if unread.push(reply, self.pending, Overflow::DropNewest, drop).is_ok() {
                 return;
             }
         }
@@ -239,21 +255,17 @@ impl ServiceProxy {
         let now = Instant::now();
         for (client, mut unread) in std::mem::take(&mut self.unread) {
             let mut sent = Sent::Yes;
-            while let Some((reply, replies)) = unread.replies.front() {
+            while let Some(Unread { reply, replies }) = unread.first() {
                 sent = self.send(reply, *replies);
                 if sent != Sent::Yes {
                     break;
                 }
-                unread.share.give(reply.size());
-                unread.replies.pop_front();
-                unread.moved_at = now;
+                _ = unread.pop();
             }
-            let late = now.saturating_duration_since(unread.moved_at) >= PROGRESS;
-            if sent == Sent::NoRoom && !late {
+            if sent == Sent::NoRoom && !unread.stands_still(now) {
                 self.unread.insert(client, unread);
             } else {
-                self.tally.unheard +=
-                    unread.replies.iter().map(|(_, replies)| replies).sum::<u64>();
+                self.tally.unheard += unread.iter().map(|unread| unread.replies).sum::<u64>();
             }
         }
     }
@@ -277,8 +289,8 @@ impl ServiceProxy {
 impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
-    fn turn(&mut self) -> zmq::Result<bool> {
-        let Some([front, back]) = self.ports.wait(self.wait_ms())? else {
+    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
+        let Some([front, back]) = self.ports.wait(stop, self.wait_ms())? else {
             self.last_replies()?;
             self.show();
             return Ok(false);
@@ -295,13 +307,10 @@ impl Turns for ServiceProxy {
             self.ports.tick(now);
             self.tick_at = now + TICK;
         }
+        self.refuse_unlimited();
         self.pass_requests();
         self.show();
         Ok(true)
-    }
-
-    fn stop(&self) -> &zmq::Socket {
-        &self.ports.stop
     }
 
     fn failed(&mut self, why: Option<String>) {
@@ -332,8 +341,8 @@ mod tests {
     use super::super::front::Bounds;
     use super::super::zmtp::Kind;
     use super::*;
-    use wrapyfi_endpoint::codec::requests::mark::{Content, Mark};
-    use wrapyfi_endpoint::{Budget, Clock};
+    use crate::codec::mark::{Content, Mark};
+    use wrapyfi_endpoint::{Budget, Clock, Share, calls};
 
     /// A broker in this thread, and its client.
     fn broker(context: &zmq::Context) -> (ServiceProxy, zmq::Socket) {
@@ -341,12 +350,10 @@ mod tests {
         let ip = std::net::Ipv4Addr::LOCALHOST.into();
         let bound = |kind| Front::bind(kind, ip, 0, bounds, None).unwrap();
         let (front, back) = (bound(Kind::Router), bound(Kind::Dealer));
-        let stop = context.socket(zmq::PAIR).unwrap();
-        stop.bind("inproc://stop").unwrap();
         let client = context.socket(zmq::DEALER).unwrap();
         client.set_rcvhwm(1).unwrap();
         client.connect(&format!("tcp://127.0.0.1:{}", front.port().unwrap())).unwrap();
-        let ports = BrokerPorts { front, back, stop, ledger: Arc::default() };
+        let ports = BrokerPorts { front, back, ledger: Arc::default() };
         (ServiceProxy::new(ports, 10, Arc::default()), client)
     }
 
@@ -356,6 +363,11 @@ mod tests {
         let port = proxy.ports.back.port().unwrap();
         server.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
         server
+    }
+
+    fn turn(proxy: &mut ServiceProxy) {
+        let (_running, stop) = Stop::pair().unwrap();
+        assert!(proxy.turn(&stop).unwrap());
     }
 
     fn is_readable(socket: &zmq::Socket) -> bool {
@@ -377,10 +389,58 @@ mod tests {
             client.send_multipart([&mark.encode(), "".as_bytes(), body.as_bytes()], 0).unwrap();
         }
         while proxy.tally.expired + proxy.tally.requests < 2 {
-            assert!(proxy.turn().unwrap());
+            turn(&mut proxy);
         }
         assert_eq!(server.recv_bytes(0).unwrap(), b"fresh");
         assert_eq!(proxy.tally.expired, 1);
+    }
+
+    #[test]
+    fn who_waits_without_a_limit_hears_that_the_last_server_has_gone() {
+        let context = zmq::Context::new();
+        let (mut proxy, client) = broker(&context);
+        let ask = |number, timeout| {
+            let (kind, deadline) = (Content::NativeObject, calls::ends(Instant::now(), timeout));
+            let mark = deadline::request(kind, number, deadline, &Clock::default());
+            client.send_multipart([&mark.encode(), "".as_bytes(), b"?"], 0).unwrap();
+        };
+        ask(1, Duration::MAX);
+        while proxy.held.is_empty() {
+            turn(&mut proxy);
+        }
+        // There was none that could go.
+        turn(&mut proxy);
+        assert_eq!(proxy.held.len(), 1);
+        let server = server(&context, &proxy, zmq::REP);
+        while proxy.tally.requests < 1 {
+            turn(&mut proxy);
+        }
+        // As many as the connection of a server that reads nothing takes, and some more.
+        let mut number = 1;
+        while proxy.held.len() < 2 {
+            number += 1;
+            ask(number, Duration::MAX);
+            let seen = |proxy: &ServiceProxy| proxy.tally.requests + proxy.held.len() as u64;
+            while seen(&proxy) < number {
+                turn(&mut proxy);
+            }
+        }
+        ask(number + 1, Duration::from_secs(600));
+        while proxy.held.len() < 3 {
+            turn(&mut proxy);
+        }
+        drop(server);
+        while proxy.held.len() > 1 {
+            turn(&mut proxy);
+        }
+        for _ in 0..2 {
+            while !is_readable(&client) {
+                turn(&mut proxy);
+            }
+            let reply = client.recv_multipart(0).unwrap();
+            assert_eq!(reply.last().unwrap(), b"the last server of the broker has gone");
+        }
+        assert!(proxy.held.iter().all(|held| held.message.mark().unwrap().has_limit()));
     }
 
     #[test]
@@ -390,12 +450,12 @@ mod tests {
         static BUDGET: Budget = Budget::new(10 * REPLY);
         let context = zmq::Context::new();
         let (mut proxy, client) = broker(&context);
-        proxy.share = Share::of(&BUDGET);
+        proxy.held = Outbox::of(Share::of(&BUDGET));
         let server = server(&context, &proxy, zmq::DEALER);
         for _ in 0..10 {
             client.send_multipart([&b""[..], b"?"], 0).unwrap();
             while !is_readable(&server) {
-                assert!(proxy.turn().unwrap());
+                turn(&mut proxy);
             }
             let mut reply = server.recv_multipart(0).unwrap();
             *reply.last_mut().unwrap() = vec![b'x'; REPLY];
@@ -403,16 +463,16 @@ mod tests {
         }
         let seen = |tally: &ServiceBrokerStatus| tally.unheard + tally.replies;
         let waits = |proxy: &ServiceProxy| {
-            proxy.unread.values().map(|unread| unread.replies.len() as u64).sum::<u64>()
+            proxy.unread.values().map(|unread| unread.len() as u64).sum::<u64>()
         };
         while seen(&proxy.tally) + waits(&proxy) < 10 {
-            assert!(proxy.turn().unwrap());
+            turn(&mut proxy);
         }
         // Some are with the connection, two with the broker: a third would be more than a quarter of what may wait.
         assert_eq!(waits(&proxy), 2);
         assert!(proxy.tally.unheard > 0 && BUDGET.used() <= 5 * REPLY / 2, "{}", BUDGET.used());
         while seen(&proxy.tally) < 10 {
-            assert!(proxy.turn().unwrap());
+            turn(&mut proxy);
             if is_readable(&client) {
                 assert_eq!(client.recv_multipart(0).unwrap()[1].len(), REPLY);
             }
@@ -425,12 +485,12 @@ mod tests {
         static BUDGET: Budget = Budget::new(1000);
         let context = zmq::Context::new();
         let (mut proxy, client) = broker(&context);
-        proxy.share = Share::of(&BUDGET);
+        proxy.held = Outbox::of(Share::of(&BUDGET));
         for size in [200, 100] {
             client.send_multipart([Vec::new(), vec![b'x'; size]], 0).unwrap();
         }
         while proxy.tally.overloaded == 0 {
-            assert!(proxy.turn().unwrap());
+            turn(&mut proxy);
         }
         let told = client.recv_multipart(0).unwrap().concat();
         let told = String::from_utf8_lossy(&told);
@@ -438,7 +498,7 @@ mod tests {
         assert!(BUDGET.used() >= 200);
         let server = server(&context, &proxy, zmq::REP);
         while proxy.tally.requests == 0 {
-            assert!(proxy.turn().unwrap());
+            turn(&mut proxy);
         }
         assert_eq!((server.recv_bytes(0).unwrap().len(), BUDGET.used()), (200, 0));
     }

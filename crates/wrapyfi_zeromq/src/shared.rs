@@ -9,10 +9,10 @@ use super::io::Io;
 use super::ledger::Ledger;
 use super::link::BrokerLink;
 use super::own_messages::OwnMessages;
-use wrapyfi_endpoint::Mutex;
+use wrapyfi_endpoint::{Cause, Mutex};
 
 /// State that endpoints need while they are opened.
-pub(super) struct Shared {
+pub(super) struct ZeroMqState {
     pub(super) ip: IpAddr,
     pub(super) pub_endpoint: String,
     /// Address of the broker for publishers.
@@ -28,7 +28,7 @@ pub(super) struct Shared {
     pub(super) links: Mutex<Vec<Weak<BrokerLink>>>,
 }
 
-impl Shared {
+impl ZeroMqState {
     /// State of a connection to the broker that is made for a topic.
     pub(super) fn link(&self, broker: &str, topic: &str) -> Arc<BrokerLink> {
         let link = BrokerLink::new(broker, topic, self.keys.as_ref());
@@ -39,7 +39,7 @@ impl Shared {
     }
 
     /// The broker, where none of the connections for topics has reached it.
-    pub(super) fn waiting_for(&self) -> Option<String> {
+    pub(super) fn waiting_for(&self) -> Option<Cause> {
         let links = self.links.lock();
         let mut links = links.iter().filter_map(Weak::upgrade).peekable();
         let first = links.peek()?.waiting_for();

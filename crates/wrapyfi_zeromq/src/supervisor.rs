@@ -2,22 +2,20 @@
 //!
 //! ```text
 //!   start: bind ──ok──▶ our own
-//!           └─ taken ──▶ asked ── both its sides ──▶ somebody else's ── it dies ──▶ bind again …
+//!           └─ taken ──▶ asked ── both its sides ──▶ another program's ── it dies ──▶ bind again …
 //!                          └─ anything else ──▶ ZeroMqError: what has the port
 //! ```
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::config::{BrokerMode, ZeroMqConfig, reachable};
-use super::curve::Keys;
 use super::error::{BrokerError, ZeroMqError};
 use super::ledger::Ledger;
-use super::link::{self, BrokerLink, Watch};
-use super::options::{self, StopSignal, poll_ms};
-use super::port_check::{Answer, ask_port};
-use super::turns::{Runs, Turns};
+use super::options::poll_ms;
+use super::port_check::{PortHolder, ask_port};
+use super::turns::{Runs, Stop, Turns};
 use super::zmtp::{self, Kind};
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -27,14 +25,15 @@ use wrapyfi_endpoint::network::{is_of_this_machine, owner};
 /// once, or one that is just ending.
 const SETTLING: Duration = Duration::from_secs(2);
 
+/// Longest time from the end of a foreign broker to the next try to be the broker.
+const TAKE_OVER_WITHIN: Duration = Duration::from_millis(400);
+
 /// A broker as its supervisor knows it.
 pub(super) trait Supervised: Sized + Send + 'static {
     /// Socket types of its two ports.
     const KINDS: [Kind; 2];
-    /// Socket types that we announce when we ask somebody else's ports for theirs.
+    /// Socket types that we announce when we ask another program's ports for theirs.
     const ASKED_AS: [&'static str; 2];
-    /// A socket that may connect to the first port, for the connection's events only.
-    const WATCHER: zmq::SocketType;
     /// Names of the two ports in the settings.
     const SETTINGS: [&'static str; 2];
 
@@ -63,7 +62,6 @@ impl<B: Supervised> Supervisor<B> {
         config: &ZeroMqConfig,
         ledger: &Arc<Ledger>,
         mode: BrokerMode,
-        keys: Option<&Arc<Keys>>,
     ) -> Result<Self, ZeroMqError> {
         let ip = config.address()?;
         let found = match mode {
@@ -75,7 +73,7 @@ impl<B: Supervised> Supervisor<B> {
             Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
             Found::Foreign { may_take_over: true } => {
-                supervisor.guard(config, ledger, ip, keys)?;
+                supervisor.guard(config, ledger, ip)?;
             }
         }
         Ok(supervisor)
@@ -91,28 +89,15 @@ impl<B: Supervised> Supervisor<B> {
         config: &ZeroMqConfig,
         ledger: &Arc<Ledger>,
         ip: IpAddr,
-        keys: Option<&Arc<Keys>>,
     ) -> Result<(), ZeroMqError> {
-        let context = zmq::Context::new();
-        let (stop_signal, stop) = StopSignal::new(&context)?;
-        let socket = context.socket(B::WATCHER)?;
-        options::set_common(&socket, ip)?;
-        socket.set_linger(0)?;
-        let [front_port, _] = B::ports(config);
-        let link = BrokerLink::new(&options::endpoint(reachable(ip), front_port), "", keys);
-        let (socket, watch) = link::connect(&context, socket, &link, keys)?;
-        let mut backoff = Backoff::of_process(2);
         let guard = Guard::<B> {
             config: config.clone(),
             ledger: Arc::clone(ledger),
-            stop,
-            watch,
-            socket,
+            front: SocketAddr::new(ip, B::ports(config)[0]),
             slot: Arc::clone(&self.broker),
-            try_at: Instant::now() + backoff.wait(),
-            backoff,
+            backoff: Backoff::of_process(2).up_to(TAKE_OVER_WITHIN),
         };
-        let runs = Runs::start("zeromq-guard", stop_signal, guard);
+        let runs = Runs::start("zeromq-guard", guard);
         self.guard = Some(runs.map_err(|error| ZeroMqError::Transport(error.to_string()))?);
         Ok(())
     }
@@ -171,7 +156,7 @@ struct Asked {
     at: SocketAddr,
     expected: &'static str,
     has_curve: bool,
-    answer: Answer,
+    answer: PortHolder,
 }
 
 impl Asked {
@@ -183,15 +168,15 @@ impl Asked {
 
     fn is_broker(&self) -> bool {
         match &self.answer {
-            Answer::Socket(kind) => kind == self.expected,
+            PortHolder::Socket(kind) => kind == self.expected,
             // A socket with keys tells its type to those alone whom it knows.
-            Answer::Secured(mechanism) => self.has_curve && mechanism == zmtp::CURVE,
+            PortHolder::Secured(mechanism) => self.has_curve && mechanism == zmtp::CURVE,
             _ => false,
         }
     }
 
     fn is_nobody(&self) -> bool {
-        matches!(self.answer, Answer::Nobody(_))
+        matches!(self.answer, PortHolder::Nobody(_))
     }
 
     fn into_error(self, settings: [&'static str; 2]) -> ZeroMqError {
@@ -205,35 +190,22 @@ impl Asked {
 struct Guard<B: Supervised> {
     config: ZeroMqConfig,
     ledger: Arc<Ledger>,
-    stop: zmq::Socket,
-    watch: Watch,
-    /// Connected for its connection events only.
-    socket: zmq::Socket,
+    /// Address of the foreign broker's first port.
+    front: SocketAddr,
     slot: Arc<Mutex<Option<B>>>,
     backoff: Backoff,
-    try_at: Instant,
 }
 
 impl<B: Supervised> Turns for Guard<B> {
     const NAME: &'static str = "the thread that watches the foreign ZeroMQ broker";
 
     /// Stops when told to, and when we are the broker.
-    fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = match self.watch.link.is_up() {
-            true => -1,
-            false => poll_ms(self.try_at.saturating_duration_since(Instant::now())),
-        };
-        let mut items = [self.stop.as_poll_item(zmq::POLLIN), self.watch.poll_item()];
-        zmq::poll(&mut items, wait)?;
-        let [rang, _] = items;
-        if rang.is_readable() {
+    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
+        if zmq::poll(&mut [stop.poll_item()], poll_ms(self.backoff.wait()))? > 0 {
             return Ok(false);
         }
-        if self.watch.take() {
-            self.backoff.reset();
-            self.try_at = Instant::now() + self.backoff.wait();
-        }
-        if self.watch.link.is_up() || Instant::now() < self.try_at {
+        // Nothing else tells so cheaply that the foreign broker has ended.
+        if TcpListener::bind(self.front).is_err() {
             return Ok(true);
         }
         match B::start_with(&self.config, &self.ledger) {
@@ -249,19 +221,8 @@ impl<B: Supervised> Turns for Guard<B> {
             }
             Err(error) => tracing::debug!(%error, "no broker yet"),
         }
-        self.try_at = Instant::now() + self.backoff.wait();
         Ok(true)
     }
 
-    fn stop(&self) -> &zmq::Socket {
-        &self.stop
-    }
-
     fn failed(&mut self, _why: Option<String>) {}
-
-    fn end(self) {
-        let Self { socket, watch, .. } = self;
-        drop(socket);
-        Watch::see_out(vec![watch]);
-    }
 }

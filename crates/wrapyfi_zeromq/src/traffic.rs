@@ -1,18 +1,18 @@
 //! Traffic of the broker: topics, their messages, and the kind of payload that the frames show.
 //!
 //! ```text
-//!   XSUB ── frames ──▶ count ─▶ table ── while somebody is subscribed to WRAPYFI/TRAFFIC ──▶ XPUB
+//!   XSUB ── frames ──▶ count ─▶ table ── while a program is subscribed to WRAPYFI/TRAFFIC ──▶ XPUB
 //! ```
 //!
 //! Publishers say nothing to a broker but their messages: this table is all there is to know of
-//! them. It is table on a topic of its own, so that whoever asks need not subscribe to everything,
+//! them. It is published on a topic of its own, so that a program that asks need not subscribe to everything,
 //! which would make every publisher believe it has a listener.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Topic on which the table is table. Nobody can publish to it through the broker.
+/// Topic of the table. No other program can publish to it through the broker.
 pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
 pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
@@ -102,7 +102,7 @@ impl Traffic {
         self.topics.get_mut(topic)
     }
 
-    /// The second frame of the table; `None` while nobody is subscribed to it.
+    /// The second frame of the table; `None` while no program is subscribed to it.
     pub(super) fn message(&self) -> Option<Vec<u8>> {
         if self.watchers == 0 {
             return None;

@@ -40,7 +40,7 @@ impl Wanted {
         Self { told: BTreeMap::new(), bytes: 0, most_bytes }
     }
 
-    /// Subscription that publishers are to be told once somebody has subscribed to `topic`; `None` where they know it.
+    /// Subscription that publishers are to be told once a program has subscribed to `topic`; `None` where they know it.
     pub(super) fn subscribed(&mut self, topic: &[u8]) -> Option<Bytes> {
         let begins = topic.get(..MOST_OF_TOPIC).unwrap_or(topic);
         if let Some(times) = self.told.get_mut(begins) {

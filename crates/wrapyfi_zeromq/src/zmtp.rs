@@ -89,7 +89,7 @@ impl Kind {
     }
 
     /// True where a socket of ours of this type may have that peer.
-    pub(super) fn takes(self, theirs: &[u8]) -> bool {
+    pub(super) fn accepts(self, theirs: &[u8]) -> bool {
         match self {
             Self::Xpub => matches!(theirs, b"SUB" | b"XSUB"),
             Self::Xsub => matches!(theirs, b"PUB" | b"XPUB"),
@@ -100,7 +100,7 @@ impl Kind {
 }
 
 /// Result of a command of the handshake.
-pub(super) enum Step {
+pub(super) enum HandshakeStep {
     /// The handshake goes on with this command.
     #[cfg_attr(not(feature = "curve"), expect(dead_code, reason = "CURVE says it"))]
     Say(Vec<u8>),

@@ -80,7 +80,7 @@ impl Microphone {
         self.sound
     }
 
-    /// True where whoever reads has to keep the pace, because the source does not.
+    /// True where the program that reads has to keep the pace, because the source does not.
     #[must_use]
     pub fn is_file(&self) -> bool {
         matches!(self.source, Source::Wav { .. })

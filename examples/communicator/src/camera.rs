@@ -65,7 +65,7 @@ impl Camera {
         Self { source: Source::Shades { width, height }, taken: 0 }
     }
 
-    /// True where whoever looks has to keep the pace, because the source does not.
+    /// True where the program that looks has to keep the pace, because the source does not.
     #[must_use]
     pub fn is_unpaced(&self) -> bool {
         match self.source {

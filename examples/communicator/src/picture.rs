@@ -106,7 +106,7 @@ pub fn taken_now(pixels: RawPixels) -> Image {
 /// # Errors
 /// When they are empty or the file cannot be written.
 pub fn save(pixels: &RawPixels, path: &Path) -> anyhow::Result<()> {
-    let file = image_file::encode(pixels, false)?;
+    let file = image_file::encode(pixels, None)?;
     let part = path.with_extension("part");
     std::fs::write(&part, file)
         .and_then(|()| std::fs::rename(&part, path))

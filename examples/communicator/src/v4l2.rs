@@ -46,7 +46,7 @@ impl Device {
     /// Starts the camera at about this size.
     ///
     /// # Errors
-    /// When there is no such device, somebody else uses it, or it has neither YUYV nor MJPG.
+    /// When there is no such device, another program uses it, or it has neither YUYV nor MJPG.
     pub(crate) fn open(name: &Path, width: u32, height: u32) -> anyhow::Result<Self> {
         let shown = name.display();
         let device = linuxvideo::Device::open(name)

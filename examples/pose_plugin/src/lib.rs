@@ -70,21 +70,21 @@ impl Plugin for PosePlugin {
 mod tests {
     use wrapyfi_core::Limits;
     use wrapyfi_core::codec::json;
-    use wrapyfi_core::plugin::Plugins;
+    use wrapyfi_core::plugin::{Plugins, standard};
 
     use super::*;
 
     fn plugins() -> Plugins {
-        Plugins::standard().with(PosePlugin)
+        standard().with(PosePlugin)
     }
 
     #[test]
     fn a_pose_returns_from_its_text() {
         let pose = Pose2D { x_m: 1.0, y_m: -2.0, heading_rad: 0.5 };
         let value = Value::List(vec![ForeignObject::new(pose).into()]);
-        let text = json::encode_with(&value, &plugins()).unwrap();
+        let text = json::encode(&value, &plugins()).unwrap();
         assert_eq!(text, br#"[{"__wrapyfi__": ["Pose2D", 1.0, -2.0, 0.5]}]"#);
-        let again = json::decode_with(&text.into(), &Limits::default(), &plugins()).unwrap();
+        let again = json::decode(&text.into(), &Limits::default(), &plugins()).unwrap();
         assert_eq!(again, value);
         assert_eq!(again.as_items().unwrap()[0].as_object::<Pose2D>(), Some(&pose));
     }
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn a_wrong_pose_travels_on_and_says_why() {
         let text = r#"{"at": {"__wrapyfi__": ["Pose2D", 1.0, "left", 0.5]}}"#;
-        let value = json::decode_with(&text.into(), &Limits::default(), &plugins()).unwrap();
+        let value = json::decode(&text.into(), &Limits::default(), &plugins()).unwrap();
         let refusals: Vec<_> = value.refusals().map(|(_, reason)| reason.to_owned()).collect();
         assert_eq!(
             refusals,
@@ -100,16 +100,17 @@ mod tests {
                 "Pose2D at $.at: part 1 is malformed: something that is no text should be there, it is text"
             ]
         );
-        assert_eq!(json::encode_with(&value, &plugins()).unwrap(), text.as_bytes());
+        assert_eq!(json::encode(&value, &plugins()).unwrap(), text.as_bytes());
     }
 
     #[test]
     fn without_the_plugin_the_object_is_carried_but_cannot_be_made() {
         let text = r#"{"__wrapyfi__": ["Pose2D", 1.0, 2.0, 0.5]}"#;
-        let value = json::decode(&text.into(), &Limits::default()).unwrap();
-        assert_eq!(json::encode(&value).unwrap(), text.as_bytes());
+        let value = json::decode(&text.into(), &Limits::default(), &standard()).unwrap();
+        assert_eq!(json::encode(&value, &standard()).unwrap(), text.as_bytes());
         let pose = Pose2D { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 };
-        let error = json::encode(&ForeignObject::new(pose).into()).unwrap_err().to_string();
+        let error =
+            json::encode(&ForeignObject::new(pose).into(), &standard()).unwrap_err().to_string();
         assert!(error.contains("\"Pose2D\"") && error.contains("register that plug-in"), "{error}");
     }
 }

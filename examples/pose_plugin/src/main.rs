@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use wrapyfi_core::endpoint::{Context, Middleware as _, PublishError, TopicSpec};
 use wrapyfi_core::middleware::zeromq::BrokerMode;
-use wrapyfi_core::plugin::Plugins;
+use wrapyfi_core::plugin::standard;
 use wrapyfi_core::types::{ForeignObject, MessageType, Payload, Value};
 use wrapyfi_pose_plugin::{Pose2D, PosePlugin};
 
@@ -22,7 +22,7 @@ fn main() -> anyhow::Result<()> {
     let zeromq = zeromq.start().context("starting ZeroMQ")?;
     let context = Context::default();
     let topic = |name: String| TopicSpec {
-        plugins: Plugins::standard().with(PosePlugin),
+        plugins: standard().with(PosePlugin),
         ..TopicSpec::new(name, MessageType::NativeObject)
     };
     let mut listener = zeromq.open_listener(&topic(from), &context)?;

@@ -14,7 +14,7 @@ use crate::in_force::{InForce, Options, Running, change_by, ros2_types, warn_of_
 use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
 use crate::middlewares::{Loaded, Middlewares, OfferedNode};
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::on_graph::{OnGraph, Parts, own_addresses};
 use crate::page::Page;
 use crate::reload::{Reload, Source, Watch};
@@ -46,7 +46,7 @@ pub fn run(
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
     let Loaded { endpoints, plan, types: mut store, definitions, lines, text, .. } = loaded;
-    if options.no_autostart && !plan.uses("ros2") {
+    if options.no_autostart && !plan.uses(GRAPH) {
         return Err(Failure::usage(
             "no route is on ros2, where others could configure and activate the bridge: leave --no-autostart \
              (parameter autostart) out",
@@ -76,7 +76,7 @@ pub fn run(
     let plan = if options.no_autostart { Plan::default() } else { plan };
     let engine =
         Engine::new(plan, &registry).with_types(store).with_own(own_addresses(bridge_node));
-    // A middleware that starts anew waits until nobody holds the one before.
+    // A middleware that starts anew waits until the one before is held no more.
     drop(registry);
     let running = engine.start().context("cannot start the routes")?;
     running.set_active(!options.no_autostart);
@@ -152,7 +152,7 @@ pub fn run(
             "ends: {received} in, {sent} out, {unread} unread, dropped: {drops}"
         );
     }
-    failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
+    failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::new(why))))
 }
 
 /// Warns of parameters on the command line that nothing declares: perhaps misspelt.

@@ -10,7 +10,6 @@ use wrapyfi_zeromq::{BrokerError, BrokerMode, CurveClient, ZeroMq, ZeroMqConfig,
 
 use crate::cli::BrokerArgs;
 use crate::exit::{Failure, Result};
-use crate::middlewares::ZeroMqSection;
 use crate::shutdown::Shutdown;
 
 /// Topics that one line of the log names.
@@ -42,7 +41,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
         let clients = args.curve_client.iter().map(|key| CurveClient::of_all(key));
         curve.clients = Some(clients.collect()).filter(|clients: &Vec<_>| !clients.is_empty());
     } else {
-        config = ZeroMqSection::default().checked(config)?;
+        config.check_keys().map_err(Failure::Usage)?;
     }
     // Where a broker runs already, as in a bridge, this one waits for its end.
     (config.broker, config.service_broker) = (BrokerMode::Embedded, BrokerMode::Embedded);
@@ -54,7 +53,9 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
     match zeromq.start_services() {
         Ok(_) => {}
         // Topics need not wait for what has the ports of requests.
-        Err(error @ ZeroMqError::PortTaken { .. }) if !args.ports.any() => {
+        Err(error @ ZeroMqError::PortTaken { .. })
+            if args.ports.rep_port.or(args.ports.req_port).is_none() =>
+        {
             tracing::warn!("no broker of requests and replies here: {error}");
         }
         Err(error) => return Err(failed(error)),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use wrapyfi_data::types::{Map, MessageType, Payload};
 use wrapyfi_endpoint::{
     Context, DropReason, EndpointAddress, LearnError, Learned, Link, Middleware, Overflow, Qos,
-    QueueSpec, Throttle, TopicSpec,
+    QueueSpec, Role, Throttle, TopicSpec,
 };
 
 use super::other_types::OtherTypes;
@@ -13,7 +13,8 @@ use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
 use crate::exit::{Failure, Result};
-use crate::middlewares::{LearnTopicError, Role, check_topic, for_endpoint, of_topic};
+use crate::middlewares::{LearnTopicError, check_topic, for_endpoint, of_topic};
+use crate::node::GRAPH;
 use crate::output;
 use crate::shutdown::Shutdown;
 
@@ -49,7 +50,7 @@ fn learned(
     shutdown: &Shutdown,
 ) -> Result<Option<MessageType>> {
     let EndpointAddress { middleware: name, name: topic } = &args.endpoint;
-    let is_ros2 = name == "ros2";
+    let is_ros2 = name == GRAPH;
     let mut types = definitions::of_command(&args.definitions)?;
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     let mut waiting = Waiting::new(&args.endpoint);
@@ -62,7 +63,7 @@ fn learned(
         shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline)
     };
     match of_topic(middleware, topic, &mut types, is_over, Ok) {
-        // As ROS 2 shows it: nobody has said what the text means.
+        // As ROS 2 shows it: what the text means is unknown.
         Ok(Learned::Ros(text)) if is_ros2 && text.name() == MessageType::Text.ros_type() => {
             Ok(Some(MessageType::Ros(text)))
         }
@@ -109,10 +110,11 @@ impl<'a> Waiting<'a> {
     }
 
     /// Says so once, and again when it is something else.
-    pub(in crate::command) fn say(&mut self, what: &str) {
+    pub(in crate::command) fn say(&mut self, what: &impl ToString) {
+        let what = what.to_string();
         if self.since.elapsed() >= Self::SAY_AFTER && self.said != what {
             tracing::warn!("{}: waiting for {what}", self.endpoint);
-            what.clone_into(&mut self.said);
+            self.said = what;
             self.since = Instant::now();
         }
     }

@@ -9,23 +9,23 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_endpoint::{Discovered, EndpointAddress, Middleware, Wake};
-use wrapyfi_ros1 as ros1;
-use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
+use wrapyfi_endpoint::pattern::bare;
+use wrapyfi_endpoint::{Discovered, Interaction, Middleware, Wake};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
 use crate::columns::aligned;
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
-use crate::middlewares::{self, Role};
+use crate::middlewares;
+use crate::node::GRAPH;
 use crate::output;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
-/// Longest look where nobody says how long.
+/// Longest look where the command line has no time.
 const LONGEST: Duration = Duration::from_secs(3);
-/// Shortest look at ROS 2 where nobody says how long: nodes on Fast DDS show after 1.0 to 1.2 s.
+/// Shortest look at ROS 2 where the command line has no time: nodes on Fast DDS show after 1.0 to 1.2 s.
 const SHORTEST_OF_ROS2: Duration = Duration::from_millis(1600);
 /// One side that is looked at.
 struct Side {
@@ -42,19 +42,31 @@ struct Side {
 /// Exit code 2 for a middleware that there is not; 1 or 3 when the only one asked for, or all of
 /// them, cannot be reached.
 pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
+    of(args, None, None, shutdown)
+}
+
+/// As [`run`]: the endpoints of one interaction, or of one name, alone.
+pub(super) fn of(
+    args: &ListArgs,
+    interaction: Option<Interaction>,
+    name: Option<&str>,
+    shutdown: &Shutdown,
+) -> Result<()> {
     if let Some(middleware) = &args.middleware {
         args.own.check(middleware)?;
     }
-    let all = middlewares::names();
+    let has = |name: &str| interaction.is_none_or(|one| middlewares::carries(name, one));
     let wanted: Vec<_> = match &args.middleware {
-        // Nobody has said that there is a ROS 1 without this variable, or a YARP without this file.
-        None => all
-            .into_iter()
-            .filter(|name| *name != ros1::NAME || std::env::var_os("ROS_MASTER_URI").is_some())
-            .filter(|name| *name != yarp::NAME || YarpConfig::from_env().is_ok())
-            .collect(),
-        Some(name) => match all.iter().find(|known| *known == name) {
-            Some(known) => vec![*known],
+        None => middlewares::expected().into_iter().filter(|name| has(name)).collect(),
+        Some(name) => match middlewares::names().iter().find(|known| *known == name) {
+            Some(known) if has(known) => vec![*known],
+            Some(known) => {
+                let text = format!(
+                    "{known} has no actions: a function there is one by a route with `action`, or with \
+                     `wrapyfi action send {known}:/NAME --type`; see `wrapyfi list {known}`"
+                );
+                return Err(Failure::Usage(text));
+            }
             None => return Err(middlewares::unknown(name)),
         },
     };
@@ -74,7 +86,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
         }
         let told = args.wait.is_none()
             && sides.iter().all(|side| {
-                let is_early = side.name == "ros2" && begun.elapsed() < SHORTEST_OF_ROS2;
+                let is_early = side.name == GRAPH && begun.elapsed() < SHORTEST_OF_ROS2;
                 side.watch.has_told_all() && !is_early
             });
         if told || shutdown.requested() || Instant::now() >= deadline {
@@ -86,6 +98,11 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
     let mut looked = 0;
     for side in &sides {
         let DiscoveryWatch { discovery, found, .. } = &side.watch;
+        let is_meant = |one: &&Discovered| {
+            interaction.is_none_or(|it| one.role.interaction() == it)
+                && name.is_none_or(|name| bare(&one.name) == bare(name))
+        };
+        let found: Vec<_> = found.iter().filter(is_meant).collect();
         match discovery.waiting_for() {
             Some(what) => {
                 let text = format!("no answer from {what}");
@@ -95,9 +112,9 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
             None => looked += 1,
         }
         if args.json {
-            lines(&mut out, side.name, found)?;
+            lines(&mut out, side.name, &found)?;
         } else {
-            table(&mut out, side.name, discovery.carried_by(), found);
+            table(&mut out, side.name, discovery.carried_by(), &found);
         }
     }
     if let Some(text) = out.strip_suffix('\n') {
@@ -119,13 +136,12 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
 }
 
 fn open(name: &'static str, own: OwnAddress) -> Result<Side> {
-    let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
-    let middleware = middlewares::for_endpoint(&address, Role::Observer, own)?;
+    let middleware = middlewares::for_look(name, own)?;
     let watch = DiscoveryWatch::new(middleware.discover().context(name)?);
     Ok(Side { name, watch, _middleware: middleware })
 }
 
-fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<()> {
+fn lines(out: &mut String, middleware: &str, found: &[&Discovered]) -> Result<()> {
     #[derive(serde::Serialize)]
     struct EndpointRecord<'a> {
         middleware: &'a str,
@@ -145,12 +161,12 @@ fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<()>
 /// ros2: 2 endpoints, on CycloneDDS inside (RMW_IMPLEMENTATION and ROS_DISTRO are not set)
 ///   /chatter  publisher  std_msgs/msg/String  reliable volatile  /talker
 /// ```
-fn table(out: &mut String, middleware: &str, carried_by: Option<&str>, found: &[Discovered]) {
+fn table(out: &mut String, middleware: &str, carried_by: Option<&str>, found: &[&Discovered]) {
     let plural = if found.len() == 1 { "" } else { "s" };
     let on = carried_by.map(|carrier| format!(", on {carrier}")).unwrap_or_default();
     // Writing to a String cannot fail.
     let _infallible = writeln!(out, "{middleware}: {} endpoint{plural}{on}", found.len());
-    let rows: Vec<[String; 5]> = found.iter().map(row).collect();
+    let rows: Vec<[String; 5]> = found.iter().map(|one| row(one)).collect();
     for line in aligned(&rows, 5) {
         let _infallible = writeln!(out, "  {line}");
     }
@@ -158,8 +174,8 @@ fn table(out: &mut String, middleware: &str, carried_by: Option<&str>, found: &[
 
 fn row(endpoint: &Discovered) -> [String; 5] {
     let role = match endpoint.count {
-        1 => endpoint.role.to_string(),
-        count => format!("{} x{count}", endpoint.role),
+        1 => endpoint.role.words(),
+        count => format!("{} x{count}", endpoint.role.words()),
     };
     let detail = match (&endpoint.qos, &endpoint.traffic) {
         (Some(qos), _) => qos.to_string(),
@@ -208,7 +224,7 @@ mod tests {
     #[test]
     fn columns_are_aligned() {
         let mut out = String::new();
-        table(&mut out, "zeromq", None, &found());
+        table(&mut out, "zeromq", None, &found().iter().collect::<Vec<_>>());
         assert_eq!(
             out,
             "zeromq: 2 endpoints\n\
@@ -220,7 +236,7 @@ mod tests {
     #[test]
     fn json_is_one_object_a_line() {
         let mut out = String::new();
-        lines(&mut out, "zeromq", &found()).unwrap();
+        lines(&mut out, "zeromq", &found().iter().collect::<Vec<_>>()).unwrap();
         let first: serde_json::Value = serde_json::from_str(out.lines().next().unwrap()).unwrap();
         assert_eq!(first["middleware"], "zeromq");
         assert_eq!(first["role"], "publisher");

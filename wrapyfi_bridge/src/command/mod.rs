@@ -7,6 +7,8 @@ use wrapyfi_yarp::name::environment::Environment;
 
 use crate::exit::{Failure, Result};
 
+pub mod action;
+mod announced;
 pub mod bridge;
 pub mod broker;
 pub mod check;

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::{Discovered, Discovery, Middleware, codec::ros};
 
+use crate::node::GRAPH;
+
 /// Time between two looks at discovery while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
@@ -25,7 +27,7 @@ impl OtherTypes {
     /// are no other_types.
     pub(super) fn new(middleware: &dyn Middleware, topic: &str, message_type: MessageType) -> Self {
         let topic = format!("/{}", topic.trim_start_matches('/'));
-        let has_type = middleware.name() == "ros2" && message_type != MessageType::Properties;
+        let has_type = middleware.name() == GRAPH && message_type != MessageType::Properties;
         let discovery = has_type.then(|| middleware.discover_closely(Some(&topic)));
         let discovery = discovery.and_then(|discovery| {
             discovery.inspect_err(|error| tracing::debug!(%error, "looking for other types")).ok()

@@ -3,15 +3,16 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_data::types::{MessageType, Payload};
-use wrapyfi_endpoint::{Context, PublishError, Publisher, ServiceSpec, TopicSpec};
+use wrapyfi_data::types::{MessageType, Payload, Stamp};
+use wrapyfi_endpoint::{Absent, Context, PublishError, Publisher, Role, ServiceSpec, TopicSpec};
 
 use super::definitions;
 use super::echo::Waiting;
 use super::other_types::OtherTypes;
 use crate::cli::{PubArgs, TypeName};
 use crate::exit::{Failure, Result};
-use crate::middlewares::{Role, for_endpoint};
+use crate::middlewares::for_endpoint;
+use crate::node::GRAPH;
 use crate::shutdown::Shutdown;
 use crate::{describe, input};
 
@@ -36,6 +37,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<()> {
         (None, Some(file)) => input::from_file(file, &spec),
         (None, None) => Err(anyhow!("give --value or --file")),
     };
+    let payload = payload.and_then(|payload| Ok(spec.conversion().convert(payload, Stamp::now)?));
     let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
     let middleware = for_endpoint(&args.endpoint, Role::Publisher, args.options.own)?;
     let context = Context::default();
@@ -55,7 +57,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<()> {
 fn with_defaults(args: &PubArgs) -> PubArgs {
     let mut args = args.clone();
     let properties = args.message_type == TypeName::Known(MessageType::Properties);
-    if properties && args.endpoint.middleware == "ros2" {
+    if properties && args.endpoint.middleware == GRAPH {
         args.count = args.count.or(Some(1));
         args.timeout = args.timeout.or(Some(ServiceSpec::TIMEOUT));
     }
@@ -78,7 +80,8 @@ fn wait_for_listener(
             return Ok(true);
         }
         other_types.look();
-        let what = link.waiting_for.unwrap_or_else(|| format!("a listener on {}", args.endpoint));
+        let nobody = || Absent::at(Role::Listener, &args.endpoint).into();
+        let what = link.waiting_for.unwrap_or_else(nobody);
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
         }
@@ -102,7 +105,7 @@ fn publish(
     let start = Instant::now();
     let (mut sent, mut turns, mut is_told) = (0, 0_u64, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
-        input::restamp(payload, args.endpoint.middleware == "ros2");
+        input::restamp(payload, args.endpoint.middleware == GRAPH);
         match publisher.publish(payload) {
             Ok(_) => {
                 sent += 1;

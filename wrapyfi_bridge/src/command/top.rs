@@ -13,7 +13,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;
 use crate::exit::{Failure, Result};
-use crate::middlewares::Ros2Section;
+use crate::middlewares::{Endpoints, ros2_hidden};
 use crate::on_graph::client::{Asker, LIST_ROUTES, the_bridge};
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -36,7 +36,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<()> {
         let text = "standard output is no terminal; in a script, run `wrapyfi top --once`";
         return Err(Failure::usage(text));
     }
-    let ros2 = Ros2Section::default().hidden()?;
+    let ros2 = ros2_hidden(&Endpoints::default().ros2())?;
     let (node, bridges) = the_bridge(&ros2, args.node.as_deref(), "top", &|| shutdown.requested())?;
     let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
@@ -66,7 +66,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<()> {
 /// A reply, and the instant at which it came.
 type Reply = (Instant, Result<ListRoutes_Response>);
 
-/// Asks once each `every` until nobody wants to know any more.
+/// Asks once each `every` until the answer is not wanted any more.
 fn ask_again(
     asker: &mut Asker<ListRoutes_Response>,
     every: Duration,

@@ -9,7 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
 use crate::cli::WhyArgs;
 use crate::exit::{Failure, Result};
-use crate::middlewares::Ros2Section;
+use crate::middlewares::{Endpoints, ros2_hidden};
 use crate::on_graph::client::{Asker, the_bridge};
 use crate::output;
 use crate::why::judge::judge;
@@ -35,7 +35,7 @@ pub fn run(args: &WhyArgs) -> Result<()> {
 
 /// Answer of a bridge that runs elsewhere on the graph.
 fn elsewhere(node: &str, name: &str) -> Result<Diagnosis> {
-    let ros2 = Ros2Section::default().hidden()?;
+    let ros2 = ros2_hidden(&Endpoints::default().ros2())?;
     let (node, _) = the_bridge(&ros2, Some(node), "why", &|| false)?;
     let mut asker = Asker::<Explain_Response>::open(&ros2, &node, "explain")?;
     let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE);
@@ -44,7 +44,8 @@ fn elsewhere(node: &str, name: &str) -> Result<Diagnosis> {
     if !known {
         return Err(Failure::Usage(format!("{node}: {what}")));
     }
-    let finding = (!cause.is_empty()).then_some(Finding { cause: cause.into(), what, who, remedy });
+    let finding =
+        (!cause.is_empty()).then_some(Finding { cause: cause.as_str().into(), what, who, remedy });
     Ok(Diagnosis { way, passed, finding })
 }
 

@@ -3,14 +3,12 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-use wrapyfi_core::start::Ros2Settings;
-use wrapyfi_endpoint::Registry;
-use wrapyfi_ros2::Ros2;
-use wrapyfi_yarp_endpoint::YarpConfig;
-use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+use wrapyfi_endpoint::{MiddlewareSettings, Registry};
+use wrapyfi_ros2::{self as ros2, Ros2, Ros2Settings};
+use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
+use wrapyfi_zeromq::{self as zeromq, BrokerMode, ZeroMqConfig};
 
-use super::start::start;
-use super::zeromq::ZeroMqSection;
+use super::endpoints::of_start;
 use crate::exit::{Failure, Result};
 use crate::node::Node;
 
@@ -35,38 +33,38 @@ impl DemoMiddlewares {
     /// viewer's.
     ///
     /// Everything stays on this host: ROS 2 discovery is limited to it unless
-    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` says otherwise. The name server has a free port and is told to
-    /// nobody, so that the user's own YARP network, if there is one, is left alone.
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` says otherwise. The name server has a free port and is not
+    /// announced, so that the user's own YARP network, if there is one, is left alone.
     ///
     /// # Errors
     /// Exit code 1 when a middleware does not start.
     pub fn start() -> Result<Self> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
-        let mut config = ZeroMqSection::default().checked(config)?;
-        let bridge_side = match start("zeromq", &config) {
+        config.check_keys().map_err(Failure::Usage)?;
+        let bridge_side = match started(zeromq::NAME, &config) {
             Ok(started) => started,
             Err(error) => {
                 // Something else has Wrapyfi's ports: the demo does not need those.
                 tracing::info!("{error}; the demo's broker takes free ports");
                 (config.pub_port, config.sub_port) = (0, 0);
-                start("zeromq", &config)?
+                started(zeromq::NAME, &config)?
             }
         };
         (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
         config.broker = BrokerMode::Foreign;
         let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
         let mut sources = Registry::new();
-        sources.register(Arc::new(start("zeromq", &config)?));
+        sources.register(Arc::new(started(zeromq::NAME, &config)?));
         let robot_side = YarpConfig {
             name_server: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)).into()),
             embedded: true,
             ..YarpConfig::default()
         };
-        let robot_side = start("yarp", &robot_side)?;
+        let robot_side = started(yarp::NAME, &robot_side)?;
         let name_server = robot_side.embedded().map(Into::into);
         let config = YarpConfig { name_server, ..YarpConfig::default() };
-        let yarp = start("yarp", &config)?;
+        let yarp = started(yarp::NAME, &config)?;
         let name_server = robot_side.name_server().to_owned();
         sources.register(Arc::new(robot_side));
 
@@ -78,7 +76,7 @@ impl DemoMiddlewares {
             let node = Node::named(name).map_err(Failure::usage)?;
             let settings = Ros2Settings::of_node(node.name().clone(), lookup);
             let settings = settings.map_err(Failure::usage)?;
-            Ok((start("ros2", &settings)?, settings.cyclone.domain_id))
+            Ok((started(ros2::NAME, &settings)?, settings.cyclone.domain_id))
         };
         let (ros2, domain_id) = graph("wrapyfi_demo")?;
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;
@@ -94,4 +92,8 @@ impl DemoMiddlewares {
         let carrier = self.viewer.carried_by().map(|carrier| format!(" on {carrier}"));
         format!("domain {}{}", self.domain_id, carrier.unwrap_or_default())
     }
+}
+
+fn started<S: MiddlewareSettings>(name: &str, settings: &S) -> Result<S::Middleware> {
+    settings.start().map_err(|error| of_start(name, error))
 }

@@ -1,4 +1,4 @@
-//! Types that nobody has named, or no place of definitions has: told by those who publish.
+//! Types that no program has named, or no place of definitions has: told by those who publish.
 //!
 //! ```text
 //!   route from ros, type demo/msg/Pose   ┐
@@ -10,18 +10,18 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Value};
 use wrapyfi_endpoint::{
-    Context, DiscoverError, Discovered, LearnError, Learned, Middleware, Request, Role, ServiceSpec,
+    Cause, Context, DiscoverError, Discovered, LearnError, Learned, Middleware, Request, Role,
+    ServiceSpec,
 };
-use wrapyfi_engine::Config;
+use wrapyfi_engine::{RouteConfig, Spanned};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Response;
 use wrapyfi_node::type_description::TypeDescriptions;
-use wrapyfi_ros1 as ros1;
+use wrapyfi_ros1::{self as ros1, Ros1};
 
-use super::load::Endpoints;
-use super::start::start;
+use super::endpoints::{Endpoints, of_start};
 use crate::exit::{Failure, Result};
 
 /// Pause between two looks.
@@ -33,10 +33,14 @@ const LEARNING: Duration = Duration::from_secs(5);
 ///
 /// # Errors
 /// Exit code 1 when ROS 1 does not start. A publisher that is not there is only said.
-pub(super) fn from_publishers(config: &Config<Endpoints>, types: &mut TypeStore) -> Result<()> {
+pub(super) fn from_publishers(
+    endpoints: &Endpoints,
+    routes: &[Spanned<RouteConfig>],
+    types: &mut TypeStore,
+) -> Result<()> {
     let mut node = None;
     let begin = Instant::now();
-    for entry in &config.routes {
+    for entry in routes {
         let route = &entry.value;
         let Some((ros1::NAME, topic)) =
             route.from.as_ref().and_then(|from| from.value.split_once(':'))
@@ -52,12 +56,7 @@ pub(super) fn from_publishers(config: &Config<Endpoints>, types: &mut TypeStore)
         let Ok(name) = TypeName::parse(Dialect::Ros2, &wanted.value) else { continue };
         let ros1 = match &mut node {
             Some(ros1) => ros1,
-            none => match config
-                .endpoints
-                .ros
-                .config(&config.endpoints.hosts)
-                .and_then(|config| start(ros1::NAME, &config))
-            {
+            none => match observe_ros1(endpoints) {
                 Ok(started) => none.insert(started),
                 Err(refused @ Failure::Usage(_)) => return Err(refused),
                 // Its routes wait; what they carry is said to be unknown below.
@@ -90,6 +89,15 @@ pub(super) fn from_publishers(config: &Config<Endpoints>, types: &mut TypeStore)
     Ok(())
 }
 
+/// A nameless node of ROS 1 that looks and asks.
+///
+/// # Errors
+/// Exit code 2 for settings that cannot work, 1 when it does not start.
+pub(super) fn observe_ros1(endpoints: &Endpoints) -> Result<Ros1> {
+    let section = endpoints.section(ros1::NAME)?;
+    ros1::observe(section, &endpoints.hosts).map_err(|error| of_start(ros1::NAME, error))
+}
+
 /// Most bytes of the description of a type.
 const MAX_DESCRIPTION_BYTES: usize = 4 << 20;
 /// Time that a node has to describe a type.
@@ -100,7 +108,7 @@ const DESCRIBED_WITHIN: Duration = Duration::from_secs(2);
 pub(crate) enum LearnTopicError {
     /// The middleware cannot be asked now; names what it waits for.
     #[error("{0}")]
-    Away(String),
+    Away(Box<Cause>),
     /// The topic has no endpoint.
     #[error("nobody publishes it")]
     Nobody,
@@ -129,8 +137,9 @@ pub(crate) fn of_topic<T>(
     let mut discovery = middleware.discover_closely(Some(&name))?;
     let (mut last, mut asked) = (false, BTreeSet::new());
     loop {
-        let mut why =
-            discovery.waiting_for().map_or(LearnTopicError::Nobody, LearnTopicError::Away);
+        let mut why = discovery
+            .waiting_for()
+            .map_or(LearnTopicError::Nobody, |away| LearnTopicError::Away(Box::new(away)));
         let mut found = discovery.endpoints()?;
         found
             .retain(|one| one.name == name && matches!(one.role, Role::Publisher | Role::Listener));
@@ -190,7 +199,7 @@ pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &m
     }
 }
 
-/// True when no later look brings a type: a publisher is there, and nobody will tell.
+/// True when no later look brings a type: a publisher is there, and it will not tell.
 fn is_never_told(errors: &[(Role, LearnError)]) -> bool {
     errors.iter().any(|(role, _)| *role == Role::Publisher)
         && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold(_)))

@@ -1,5 +1,9 @@
+use wrapyfi_engine::Route;
+use wrapyfi_interfaces::ros1::Rules;
+
 use super::*;
 use crate::edits::Edits;
+use crate::own_address::OwnAddress;
 
 fn written(folder: &Path, name: &str, text: &str) -> std::path::PathBuf {
     let path = folder.join(name);
@@ -121,7 +125,7 @@ fn a_fault_of_an_added_route_is_told_without_a_line_of_the_file() {
     ] {
         let mut edits = Edits::default();
         edits.add(entry).unwrap();
-        let read = read(text.to_owned(), "p.yaml", Path::new(""), edits.added(), |_, _| Ok(()));
+        let read = read(text.to_owned(), "p.yaml", Path::new(""), edits.added(), |_, _, _| Ok(()));
         let told = read.unwrap_err().to_string();
         assert!(told.starts_with(&format!("p.yaml: the added route: {wanted}")), "{told}");
     }
@@ -129,12 +133,11 @@ fn a_fault_of_an_added_route_is_told_without_a_line_of_the_file() {
 
 #[test]
 fn an_argument_goes_before_the_file_and_needs_its_own_word() {
-    let mut endpoints = Endpoints::default();
-    endpoints.yarp.insecure.0.is_allowed = true;
+    let mut endpoints = Endpoints::of("{ yarp: { insecure: true } }");
     let own = OwnAddress { ip: Some([192, 0, 2, 7].into()), insecure: false };
     endpoints.reached_at(own);
-    assert_eq!(endpoints.yarp.ip.as_ref().unwrap().value, "192.0.2.7");
-    assert_eq!(endpoints.ros.hostname.as_deref(), Some("192.0.2.7"));
+    assert_eq!(endpoints.said("yarp.ip").as_deref(), Some("192.0.2.7"));
+    assert_eq!(endpoints.said("ros.hostname").as_deref(), Some("192.0.2.7"));
     let refused = endpoints.check_permitted(None).unwrap_err().to_string();
     assert!(refused.contains("192.0.2.7") && refused.contains("give --insecure"), "{refused}");
     endpoints.reached_at(OwnAddress { insecure: true, ..own });
@@ -181,6 +184,11 @@ fn settings_that_no_middleware_starts_with_are_refused_with_their_line() {
             "pub_port and rep_port are both 5555: give each a port of its own, such as rep_port: 5557",
         ),
         ("zeromq: { ip: '10.0.0.5:5555' }", "write ports as pub_port"),
+        (
+            "zeromq: { pub_port: 0 }",
+            "pub_port is 0, it must be a port from 1 to 65535: write for example pub_port: 5555",
+        ),
+        ("zeromq: { rep_port: 0, req_port: 0 }", "write for example rep_port: 5558"),
     ] {
         let route = "routes:\n- {from: 'zeromq:/a', to: 'ros2:/a', type: Text}\n";
         let text = format!("{route}endpoints:\n  {section}\n");
@@ -188,6 +196,43 @@ fn settings_that_no_middleware_starts_with_are_refused_with_their_line() {
         let told = refused.to_string();
         assert!(told.starts_with("file:4:") && told.contains(why), "{section}: {told}");
         assert!(!told.contains("ROS_MASTER_URI"), "{told}");
+    }
+}
+
+#[test]
+fn a_page_has_a_port_of_its_own() {
+    let load = |text: &str| load_text(text, "file").map(|loaded| loaded.page_port);
+    let with = |section: &str, port: u16, route: &str| {
+        load(&format!(
+            "endpoints: {{ {section} }}\npage: {{ port: {port} }}\nroutes:\n- {{ {route} }}\n"
+        ))
+    };
+    let topic = "from: 'zeromq:/a', to: 'ros2:/a', type: Text";
+    let service = "service: 'ros2:/a', as: 'zeromq:/a', type: NativeObject";
+    for (section, port, route, server) in [
+        ("", 5555, topic, "ZeroMQ broker at 127.0.0.1"),
+        ("zeromq: { sub_port: 7000 }", 7000, topic, "ZeroMQ broker at 127.0.0.1"),
+        ("", 5558, service, "ZeroMQ broker of services at 127.0.0.1"),
+        ("", 11311, "from: 'ros:/a', to: 'ros2:/a', type: Text", "ROS 1 master at localhost"),
+    ] {
+        let told = with(section, port, route).unwrap_err().to_string();
+        let words = format!(
+            "page: port is {port}, which the {server} has: give the page a port of its own"
+        );
+        assert!(told.starts_with("file:2:15: ") && told.contains(&words), "{told}");
+        assert!(told.ends_with("such as page: { port: 8642 }"), "{told}");
+    }
+    let own = "zeromq: { ip: 127.0.0.1, pub_port: 8642 }";
+    let told = with(own, 8642, topic).unwrap_err().to_string();
+    assert!(told.ends_with("such as page: { port: 8643 }"), "{told}");
+    for (section, port, route) in [
+        ("", 0, topic),
+        ("", 8642, topic),
+        ("", 5558, topic),
+        ("zeromq: { ip: 10.0.0.5, broker: foreign }", 5555, topic),
+        ("", 5555, "from: 'yarp:/a', to: 'ros2:/a', type: Text"),
+    ] {
+        assert_eq!(with(section, port, route).unwrap(), Some(port), "{section} {port}");
     }
 }
 
@@ -231,7 +276,7 @@ fn the_example_of_a_robot_with_a_base_on_ros_1_is_valid_without_any_ros() {
     let loaded = load(&file).unwrap();
     assert!(loaded.plan.routes.len() > 10, "{loaded:?}");
     let map = loaded.plan.routes.iter().find(|route| route.name == "map").unwrap();
-    assert_eq!(map.types().to.ros_type(), "nav_msgs/msg/OccupancyGrid");
+    assert_eq!(map.message_types().to.ros_type(), "nav_msgs/msg/OccupancyGrid");
 }
 
 /// Checks every example as `wrapyfi check` does, with nothing of ROS or YARP installed.
@@ -248,7 +293,7 @@ fn every_example_is_valid() {
         if file.ends_with("icub.yaml") || file.ends_with("base_on_yarp.yaml") {
             let of_robot = |route: &&Route| route.from.middleware == "yarp";
             let eager = plan.routes.iter().filter(of_robot).find(|route| {
-                matches!(route.kind, Kind::Topic(_)) && route.is_whole() && !route.policy.lazy
+                route.interaction() == Interaction::Topic && route.is_whole() && !route.policy.lazy
             });
             assert_eq!(eager.map(|route| &route.name), None, "it streams at rest");
         }
@@ -271,7 +316,8 @@ fn mapping_rules_are_read_from_beside_the_file_and_faults_have_their_line() {
     written(folder.path(), "rules.yaml", rules);
     let file = written(folder.path(), "bridge.yaml", &config("rules.yaml"));
     let loaded = load(&file).unwrap();
-    assert_eq!(loaded.endpoints.ros.rules, serde_saphyr::from_str(rules).unwrap());
+    let rules = format!("{:?}", serde_saphyr::from_str::<Rules>(rules).unwrap());
+    assert!(format!("{:?}", loaded.endpoints).contains(&rules), "{loaded:?}");
 
     written(folder.path(), "bad.yaml", "[{ros1_package_name: base_msgs, ros2: x}]");
     for name in ["bad.yaml", "none.yaml"] {
@@ -279,4 +325,41 @@ fn mapping_rules_are_read_from_beside_the_file_and_faults_have_their_line() {
         let told = load(&file).unwrap_err().to_string();
         assert!(told.contains("bridge.yaml:2:") && told.contains(name), "{told}");
     }
+}
+
+#[test]
+fn sections_are_known_by_the_list_of_the_program() {
+    let routes = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]\n";
+    let load = |endpoints: &str| load_text(&format!("{routes}endpoints:{endpoints}\n"), "file");
+    for empty in ["", " {}", " { zeromq: {} }"] {
+        load(empty).unwrap();
+    }
+    let told = load("\n  zermoq: { pub_port: 5 }\n  yarp: { ip: 5 5 }").unwrap_err().to_string();
+    for words in [
+        "file:3:3: unknown key `zermoq`; did you mean `zeromq`? keys here: zeromq, ros2, ros, yarp",
+        "file:4:15: ip \"5 5\" is no address",
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    let told = load(" { zeromq: {}, zeromq: {} }").unwrap_err().to_string();
+    assert!(told.contains("key `zeromq` is given twice") && told.lines().count() == 1, "{told}");
+}
+
+#[test]
+fn services_that_nodes_and_bridges_have_about_themselves_are_left_out() {
+    let pattern = |from: &str, to: &str| {
+        let text = format!("routes: [{{ service: '{from}:/(.*)', as: '{to}:/$1' }}]");
+        load_text(&text, "file").unwrap().plan.routes.remove(0)
+    };
+    for from in ["ros2", "yarp"] {
+        let pattern = pattern(from, "ros");
+        for name in ["get_parameters", "set_logger_level", "change_state", "add_route", "reload"] {
+            assert_eq!(pattern.target(&format!("/a/{name}")), None, "{from}: {name}");
+        }
+        assert!(pattern.target("/a/light").is_some(), "{from}");
+    }
+    let from_ros1 = pattern("ros", "ros2");
+    assert_eq!(from_ros1.target("/talker/set_logger_level"), None);
+    // dynamic_reconfigure's.
+    assert!(from_ros1.target("/camera/set_parameters").is_some());
 }

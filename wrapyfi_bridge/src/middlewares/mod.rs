@@ -4,64 +4,65 @@
 //!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::of_bridge ─▶ Registry
 //!   endpoint on the command line ───────── for_endpoint ─▶ Middleware
 //!
+//!   drivers                    the list of middlewares
+//!   endpoints                  the settings of all of them, and the start of one
 //!   learn                      types from publishers
-//!   load                       a configuration file -> sections and routes
-//!   observe                    a middleware that only looks, and the server that it needs
-//!   parameters                 sections changed by the parameters of the node
-//!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
+//!   load                       a configuration file -> settings and routes
+//!   observe                    a middleware that only looks
+//!   parameters                 settings changed by the parameters of the node
 //!   settings                   what they start with, compared where a plan changes
 //!   demo                       the parties of `wrapyfi demo`
-//!   available, start           their names; the start of one, with the exit code of a failure
 //! ```
 //!
-//! The only place that knows which middlewares exist. Those that no route uses are not started.
+//! Those that no route uses are not started.
 
-mod available;
 mod demo;
+mod drivers;
+mod endpoints;
 mod learn;
 mod load;
 mod observe;
 mod parameters;
-mod ros1;
-mod ros2;
 mod settings;
-mod start;
-mod word;
-mod yarp;
-mod zeromq;
 
 use std::collections::BTreeSet;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Weak};
+use std::time::Duration;
 
 use anyhow::Context as _;
-use wrapyfi_data::Limits;
-use wrapyfi_endpoint::{DeferredMiddleware, EndpointAddress, Middleware, Registry, StartFault};
+use wrapyfi_endpoint::driver::Purpose;
+pub use wrapyfi_endpoint::driver::{Reach, Server, ServerAddress};
+use wrapyfi_endpoint::{
+    Cause, DeferredMiddleware, EndpointAddress, Middleware, MiddlewareSettings as _, Planned,
+    Registry, Role, StartError,
+};
 use wrapyfi_engine::Plan;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_node::parameters::ParameterStore;
-use wrapyfi_ros2::{NodeEndpoints, NodeHandle, graph::Graph};
+use wrapyfi_ros2::{self as ros2, NodeEndpoints, NodeHandle, graph::Graph};
 
-pub use self::available::{check_topic, is_ros, names, option_names};
-pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
-pub(crate) use self::learn::{LearnTopicError, described, of_topic};
-pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
-pub use self::observe::{
-    Observer, Reach, Server, ServerAddress, observer, ros2_elsewhere, server_addresses,
+pub use self::drivers::{BUNDLED, check_topic, is_ros, names, option_names, set};
+pub(crate) use self::drivers::{
+    NODE_SERVICES, carries, conventions, expected, unknown, wait_causes, whole_bridges,
 };
+pub use self::endpoints::{Endpoints, SectionNames};
+use self::endpoints::{failure, of_start, start};
+pub(crate) use self::learn::{LearnTopicError, described, of_topic};
+pub(crate) use self::load::route_facts;
+pub use self::load::{Loaded, Undefined, load, load_and_learn, load_noting, load_text};
+pub use self::observe::{Observer, observer, ros1_observer, ros2_elsewhere, ros2_hidden};
 pub(crate) use self::parameters::{show_endpoints, take_parameters};
-pub use self::ros1::Ros1Section;
-pub use self::ros2::Ros2Section;
-use self::settings::One;
 pub use self::settings::Settings;
-pub use self::start::Role;
-pub use self::yarp::YarpSection;
-pub use self::zeromq::{ServicePorts, ZeroMqSection};
+use crate::cli::ServicePorts;
 use crate::exit::{Failure, Result};
-use crate::files::in_no_file;
 use crate::logging;
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::own_address::OwnAddress;
+
+/// Longest time that the start of a bridge waits for a middleware: the routes of a slower one wait for it.
+const START_WITHIN: Duration = Duration::from_secs(5);
 
 /// Middlewares at work.
 #[derive(Default)]
@@ -86,8 +87,11 @@ impl Middlewares {
             settings = Settings::of(endpoints, &Plan::default(), &settings)?;
         }
         let mut middlewares = Self::default().turned_to(settings)?;
-        if plan.uses("ros2") {
-            let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;
+        if plan.uses(ros2::NAME) {
+            let largest = plan.largest_message_on(ros2::NAME);
+            let settings = endpoints.ros2().settings(node.name(), &node.args, largest);
+            let ros2 = settings.map_err(failure)?.start();
+            let ros2 = ros2.map_err(|error| of_start(ros2::NAME, error))?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
             middlewares.registry.register(Arc::new(ros2));
         }
@@ -119,8 +123,8 @@ impl Middlewares {
         Ok(Self { registry, graph, settings })
     }
 
-    /// Names of the middlewares that have ended for good, with the reasons.
-    pub(crate) fn ended(&self) -> impl Iterator<Item = (&'static str, String)> {
+    /// Names of the middlewares that have ended for good, with the causes.
+    pub(crate) fn ended(&self) -> impl Iterator<Item = (&'static str, Cause)> {
         let each = self.settings.each.keys();
         each.filter_map(|name| Some((*name, self.registry.get(name).ok()?.ended()?)))
     }
@@ -130,9 +134,9 @@ impl Middlewares {
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub(crate) fn start_anew(&mut self, name: &'static str, reason: String) -> Result<()> {
+    pub(crate) fn start_anew(&mut self, name: &'static str, reason: &Cause) -> Result<()> {
         if let (Some(one), Ok(before)) = (self.settings.each.get(name), self.registry.get(name)) {
-            let before = (Arc::downgrade(before), reason);
+            let before = (Arc::downgrade(before), reason.to_string());
             self.registry.register(start_or_wait(name, one.clone(), Some(before))?);
         }
         Ok(())
@@ -140,11 +144,11 @@ impl Middlewares {
 
     /// Puts `next` in place of these middlewares.
     pub fn replace_by(&mut self, next: Self) {
-        if self.settings.each.get(yarp::NAME) != next.settings.each.get(yarp::NAME)
-            && self.settings.each.contains_key(yarp::NAME)
-        {
-            // Its port is the one before's.
-            logging::write_to(None);
+        for (name, settings) in &self.settings.each {
+            if next.settings.each.get(name) != Some(settings) {
+                // Its log is that of the one before.
+                logging::write_to(name, None);
+            }
         }
         *self = next;
     }
@@ -163,7 +167,7 @@ impl Middlewares {
     ) -> Result<Option<OfferedNode>> {
         let Some(graph) = &self.graph else { return Ok(None) };
         let offered =
-            NodeEndpoints::start(graph, parameters, logging::loggers().as_ref()).context("ros2")?;
+            NodeEndpoints::start(graph, parameters, logging::loggers().as_ref()).context(GRAPH)?;
         let (store, names) = types;
         describe(offered.handle(), store, names);
         if node.args.rosout_logs {
@@ -198,7 +202,7 @@ pub(crate) fn describe(handle: &NodeHandle, store: &mut TypeStore, names: &BTree
     });
 }
 
-/// The one middleware that `address` names, for a command.
+/// The one middleware that `address` names, for a command with an endpoint in this role.
 ///
 /// # Errors
 /// As [`Middlewares::of_bridge`].
@@ -220,61 +224,75 @@ pub fn for_service(
     ports: &ServicePorts,
     own: OwnAddress,
 ) -> Result<Arc<dyn Middleware>> {
-    if address.middleware != "zeromq" && ports.any() {
-        let text = format!("{address}: --rep-port and --req-port are for zeromq");
-        return Err(Failure::Usage(text));
-    }
     let mut endpoints = Endpoints::default();
     endpoints.reached_at(own);
-    endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
-    endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
-    start_as(&endpoints, &address.middleware, role)
-}
-
-/// Starts a middleware with these settings, for a program with this role.
-fn start_as(endpoints: &Endpoints, middleware: &str, role: Role) -> Result<Arc<dyn Middleware>> {
-    let Endpoints { zeromq, yarp, ros, ros2, hosts } = endpoints;
-    let largest = Limits::default().message_bytes;
-    let one = match middleware {
-        "zeromq" => One::ZeroMq(zeromq.checked(zeromq.config(Some(role), largest, hosts)?)?, false),
-        yarp::NAME => {
-            let listens = !matches!(role, Role::Observer | Role::Client);
-            One::Yarp(yarp.config(largest, hosts)?, listens)
+    for (key, port) in [("rep_port", ports.rep_port), ("req_port", ports.req_port)] {
+        let Some(port) = port else { continue };
+        if !endpoints.set_port(&address.middleware, key, port) {
+            let mut having = names().to_vec();
+            having.retain(|name| endpoints.set_port(name, key, port));
+            let having = having.join(", ");
+            let text = format!("{address}: --rep-port and --req-port are for {having}");
+            return Err(Failure::Usage(text));
         }
-        ros1::NAME => One::Ros1(ros.config(hosts)?),
-        "ros2" => return Ok(Arc::new(ros2.hidden()?)),
-        other => return Err(unknown(other)),
-    };
-    one.start()
+    }
+    endpoints.start(&address.middleware, Purpose::Endpoint(role))
 }
 
-/// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, for which
-/// it has a reason, it is tried again later.
+/// The middleware called `name`, to look at which endpoints exist.
+///
+/// # Errors
+/// As [`Middlewares::of_bridge`].
+pub fn for_look(name: &str, own: OwnAddress) -> Result<Arc<dyn Middleware>> {
+    let mut endpoints = Endpoints::default();
+    endpoints.reached_at(own);
+    endpoints.start(name, Purpose::Look)
+}
+
+/// Starts a middleware; where something that it needs is not there, it takes its time, or the one `before` is still in use,
+/// for which it has a reason, it is tried again later.
 fn start_or_wait(
     name: &'static str,
-    settings: One,
+    settings: Planned,
     before: Option<(Weak<dyn Middleware>, String)>,
 ) -> Result<Arc<dyn Middleware>> {
-    let absent = match &before {
-        Some((_, reason)) => reason.clone(),
-        None => match settings.start() {
-            Ok(started) => return Ok(started),
-            Err(Failure::Usage(fault)) => return Err(Failure::Usage(fault)),
-            Err(absent) => absent.to_string(),
-        },
+    let absent = |failure: Failure| StartError::Absent(failure.to_string());
+    let mut first = None;
+    let fault = match &before {
+        Some((_, reason)) => StartError::Absent(reason.clone()),
+        None => {
+            let (tell, told) = channel();
+            let planned = settings.clone();
+            let thread = std::thread::Builder::new().name(format!("start-{name}"));
+            // No caller waits any more where a bridge has ended meanwhile.
+            let begun = thread.spawn(move || _ = tell.send(start(name, &planned)));
+            begun.context(name)?;
+            match told.recv_timeout(START_WITHIN) {
+                Ok(Ok(started)) => return Ok(started),
+                Ok(Err(Failure::Usage(fault))) => return Err(Failure::Usage(fault)),
+                Ok(Err(failure)) => absent(failure),
+                Err(RecvTimeoutError::Timeout) => {
+                    first = Some(told);
+                    let seconds = START_WITHIN.as_secs();
+                    StartError::Absent(format!("it has not started within {seconds} s"))
+                }
+                Err(closed) => StartError::Failed(closed.to_string()),
+            }
+        }
     };
     let again = move || {
         if let Some((before, reason)) = &before
             && before.strong_count() > 0
         {
-            return Err(StartFault::Absent(reason.clone()));
+            return Err(StartError::Absent(reason.clone()));
         }
-        settings.start().map_err(|failure| match failure {
-            Failure::Usage(fault) => StartFault::Hopeless(fault),
-            absent => StartFault::Absent(absent.to_string()),
+        let begun = first.take().and_then(|told| told.recv().ok());
+        begun.unwrap_or_else(|| start(name, &settings)).map_err(|failure| match failure {
+            Failure::Usage(fault) => StartError::Refused(fault),
+            failure => absent(failure),
         })
     };
-    Ok(Arc::new(DeferredMiddleware::new(name, absent, again).context(name)?))
+    Ok(Arc::new(DeferredMiddleware::new(name, fault, again).context(name)?))
 }
 
 /// The node's own endpoints; they end with it.

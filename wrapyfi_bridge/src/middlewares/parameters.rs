@@ -3,86 +3,49 @@
 //! They go before those of the file, and have its names. All that are not at their default are declared, so that others
 //! can read what is in force.
 
-use serde_saphyr::Spanned;
+use std::collections::BTreeMap;
+
+use wrapyfi_endpoint::config::in_no_file;
+use wrapyfi_endpoint::driver::Setting;
 use wrapyfi_endpoint::network::{Insecure, Place};
 use wrapyfi_node::ParameterValue;
 use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
 
-use super::load::Endpoints;
+use super::endpoints::Endpoints;
 use crate::exit::{Failure, Result};
-use crate::files::in_no_file;
 
 /// Prefix of the parameters' names.
 const PREFIX: &str = "endpoints.";
 
-/// Place of a setting, by the type of its value.
-enum Setting {
-    Text(fn(&mut Endpoints) -> &mut Option<String>),
-    Placed(fn(&mut Endpoints) -> &mut Option<Spanned<String>>),
-    Port(fn(&mut Endpoints) -> &mut Option<Spanned<u16>>),
-    Switch(fn(&mut Endpoints) -> &mut bool),
+/// Gives a setting the value of the parameter `name`.
+fn take(setting: Setting<'_>, name: &str, value: ParameterValue) -> Result<()> {
+    match (setting, value) {
+        (Setting::Text(place), ParameterValue::String(text)) => *place = Some(text),
+        (Setting::Placed(place), ParameterValue::String(text)) => *place = Some(in_no_file(text)),
+        (Setting::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
+            *place = u16::try_from(port).ok().map(in_no_file);
+        }
+        (Setting::Switch(place), ParameterValue::Bool(is_on)) => *place = is_on,
+        (setting, value) => {
+            let wanted = match setting {
+                Setting::Text(_) | Setting::Placed(_) => "a text",
+                Setting::Port(_) => "a port from 1 to 65535",
+                Setting::Switch(_) => "true or false",
+            };
+            let text = format!("parameter {name} is {value}; it must be {wanted}");
+            return Err(Failure::Usage(text));
+        }
+    }
+    Ok(())
 }
 
-/// The parameters that there are.
-const SETTINGS: [(&str, Setting); 14] = [
-    ("endpoints.ros.hostname", Setting::Text(|it| &mut it.ros.hostname)),
-    ("endpoints.ros.insecure", Setting::Switch(|it| &mut it.ros.insecure.0.is_allowed)),
-    ("endpoints.ros.master_uri", Setting::Placed(|it| &mut it.ros.master_uri)),
-    ("endpoints.ros.namespace", Setting::Placed(|it| &mut it.ros.namespace)),
-    ("endpoints.ros.node", Setting::Placed(|it| &mut it.ros.node)),
-    ("endpoints.yarp.embedded", Setting::Switch(|it| &mut it.yarp.embedded)),
-    ("endpoints.yarp.insecure", Setting::Switch(|it| &mut it.yarp.insecure.0.is_allowed)),
-    ("endpoints.yarp.ip", Setting::Placed(|it| &mut it.yarp.ip)),
-    ("endpoints.yarp.name_server", Setting::Placed(|it| &mut it.yarp.name_server)),
-    ("endpoints.yarp.namespace", Setting::Text(|it| &mut it.yarp.namespace)),
-    ("endpoints.zeromq.insecure", Setting::Switch(|it| &mut it.zeromq.insecure.0.is_allowed)),
-    ("endpoints.zeromq.ip", Setting::Placed(|it| &mut it.zeromq.ip)),
-    ("endpoints.zeromq.pub_port", Setting::Port(|it| &mut it.zeromq.pub_port)),
-    ("endpoints.zeromq.sub_port", Setting::Port(|it| &mut it.zeromq.sub_port)),
-];
-
-type WordOf = fn(&mut Endpoints) -> &mut Insecure;
-
-/// Words that permit an address which other machines reach, each with the parameter that gives the address.
-const WORDS: [(&str, WordOf, &str); 3] = [
-    ("endpoints.ros.insecure", |it| &mut it.ros.insecure.0, "endpoints.ros.hostname"),
-    ("endpoints.yarp.insecure", |it| &mut it.yarp.insecure.0, "endpoints.yarp.ip"),
-    ("endpoints.zeromq.insecure", |it| &mut it.zeromq.insecure.0, "endpoints.zeromq.ip"),
-];
-
-impl Setting {
-    /// Takes the value of the parameter `name`.
-    fn take(&self, endpoints: &mut Endpoints, name: &str, value: ParameterValue) -> Result<()> {
-        match (self, value) {
-            (Self::Text(place), ParameterValue::String(text)) => *place(endpoints) = Some(text),
-            (Self::Placed(place), ParameterValue::String(text)) => {
-                *place(endpoints) = Some(in_no_file(text));
-            }
-            (Self::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
-                *place(endpoints) = u16::try_from(port).ok().map(in_no_file);
-            }
-            (Self::Switch(place), ParameterValue::Bool(is_on)) => *place(endpoints) = is_on,
-            (setting, value) => {
-                let wanted = match setting {
-                    Self::Text(_) | Self::Placed(_) => "a text",
-                    Self::Port(_) => "a port from 1 to 65535",
-                    Self::Switch(_) => "true or false",
-                };
-                let text = format!("parameter {name} is {value}; it must be {wanted}");
-                return Err(Failure::Usage(text));
-            }
-        }
-        Ok(())
-    }
-
-    /// Value of the parameter, where it is not the default.
-    fn value(&self, endpoints: &mut Endpoints) -> Option<ParameterValue> {
-        match self {
-            Self::Text(place) => place(endpoints).as_deref().map(ParameterValue::from),
-            Self::Placed(place) => place(endpoints).as_ref().map(|text| text.value.as_str().into()),
-            Self::Port(place) => place(endpoints).as_ref().map(|port| i64::from(port.value).into()),
-            Self::Switch(place) => place(endpoints).then_some(ParameterValue::Bool(true)),
-        }
+/// Value of the parameter of a setting, where it is not the default.
+fn value(setting: &Setting<'_>) -> Option<ParameterValue> {
+    match setting {
+        Setting::Text(place) => place.as_deref().map(ParameterValue::from),
+        Setting::Placed(place) => place.as_ref().map(|text| text.value.as_str().into()),
+        Setting::Port(place) => place.as_ref().map(|port| i64::from(port.value).into()),
+        Setting::Switch(place) => place.then_some(ParameterValue::Bool(true)),
     }
 }
 
@@ -93,31 +56,41 @@ impl Setting {
 pub(crate) fn take_parameters(endpoints: &mut Endpoints, store: &mut ParameterStore) -> Result<()> {
     let given = store.overrides().keys().filter(|name| name.starts_with(PREFIX));
     let given: Vec<String> = given.cloned().collect();
-    let before = WORDS.map(|(_, word, _)| *word(endpoints));
+    let mut known = Vec::new();
+    endpoints.each_setting(|name, _| known.push(name));
+    let mut values = BTreeMap::new();
     for name in &given {
-        let Some((_, setting)) = SETTINGS.iter().find(|(known, _)| known == name) else {
-            let known = SETTINGS.map(|(name, _)| name).join(", ");
+        if !known.contains(name) {
             return Err(Failure::Usage(format!(
-                "there is no parameter {name}; those of middlewares are {known}"
+                "there is no parameter {name}; those of middlewares are {}",
+                known.join(", ")
             )));
-        };
+        }
         let value = match store.get(name) {
             Ok(declared) => declared.clone(),
             Err(_) => {
                 store.declare(descriptor(name), ParameterValue::NotSet).map_err(Failure::usage)?
             }
         };
-        setting.take(endpoints, name, value)?;
+        values.insert(name.as_str(), value);
     }
-    let is_given = |name: &str| given.iter().any(|given| given == name);
-    for ((name, word, address), before) in WORDS.into_iter().zip(before) {
-        let word = word(endpoints);
+    let mut before = BTreeMap::<String, Insecure>::new();
+    endpoints.each_permission(|name, it| _ = before.insert(name.to_owned(), *it.insecure));
+    let mut taken = Ok(());
+    endpoints.each_setting(|name, setting| {
+        if let (Some(value), Ok(())) = (values.remove(name.as_str()), &taken) {
+            taken = take(setting, &name, value);
+        }
+    });
+    taken?;
+    let is_given = |section: &str, key: &str| given.contains(&format!("{PREFIX}{section}.{key}"));
+    endpoints.each_permission(|name, it| {
         // The word permits the address of its own place, else adds to what was said before.
-        let is_allowed = is_given(name) && word.is_allowed;
-        *word = before;
-        word.said(Place::Parameter, is_given(address), is_allowed);
-    }
-    match endpoints.check().next() {
+        let is_allowed = is_given(name, "insecure") && it.insecure.is_allowed;
+        *it.insecure = before.get(name).copied().unwrap_or_default();
+        it.insecure.said(Place::Parameter, is_given(name, it.address), is_allowed);
+    });
+    match endpoints.check(None).into_iter().next() {
         None => Ok(()),
         Some(problem) => Err(Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message))),
     }
@@ -125,22 +98,21 @@ pub(crate) fn take_parameters(endpoints: &mut Endpoints, store: &mut ParameterSt
 
 /// Has the parameters say what `endpoints` are, those that were declared and those that were not.
 pub(crate) fn show_endpoints(endpoints: &Endpoints, store: &mut ParameterStore) {
-    // The table has one way to a setting, by which it is also changed.
-    let mut endpoints = endpoints.clone();
-    for (name, setting) in SETTINGS {
-        let value = setting.value(&mut endpoints).unwrap_or(ParameterValue::NotSet);
-        let told = match store.get(name) {
-            Ok(same) if *same == value => continue,
-            Ok(_) => store.set_own(name, value).map_err(|error| error.to_string()),
-            Err(_) if value == ParameterValue::NotSet => continue,
+    // The one way to a setting is that by which it is also changed.
+    endpoints.clone().each_setting(|name, setting| {
+        let value = value(&setting).unwrap_or(ParameterValue::NotSet);
+        let told = match store.get(&name) {
+            Ok(same) if *same == value => return,
+            Ok(_) => store.set_own(&name, value).map_err(|error| error.to_string()),
+            Err(_) if value == ParameterValue::NotSet => return,
             Err(_) => {
-                store.declare(descriptor(name), value).map(drop).map_err(|error| error.to_string())
+                store.declare(descriptor(&name), value).map(drop).map_err(|error| error.to_string())
             }
         };
         if let Err(error) = told {
             tracing::warn!("parameter {name} does not say what is in force: {error}");
         }
-    }
+    });
 }
 
 fn descriptor(name: &str) -> ParameterDescriptor {
@@ -174,10 +146,8 @@ mod tests {
         let name = NodeName::new("bridge", "/").unwrap();
         let given = ("endpoints.yarp.namespace".to_owned(), ParameterValue::from("/lab"));
         let mut store = ParameterStore::new(&name, [given].into()).unwrap();
-        let mut endpoints = Endpoints::default();
-        endpoints.zeromq.pub_port = Some(in_no_file(7000));
-        endpoints.yarp.embedded = true;
-        endpoints.yarp.namespace = Some("/of_the_file".to_owned());
+        let of_file = "{ zeromq: { pub_port: 7000 }, yarp: { embedded: true, namespace: /file } }";
+        let mut endpoints = Endpoints::of(of_file);
         take_parameters(&mut endpoints, &mut store).unwrap();
         show_endpoints(&endpoints, &mut store);
         let shown = |store: &ParameterStore| {
@@ -190,8 +160,8 @@ mod tests {
         assert!(store.describe("endpoints.yarp.embedded").unwrap().read_only);
         assert!(store.set("endpoints.zeromq.pub_port", 1).is_err());
         // As after another file was read.
-        endpoints.zeromq.pub_port = Some(in_no_file(7001));
-        endpoints.yarp.embedded = false;
+        let mut endpoints = Endpoints::of("{ zeromq: { pub_port: 7001 } }");
+        take_parameters(&mut endpoints, &mut store).unwrap();
         show_endpoints(&endpoints, &mut store);
         let told = ["yarp.namespace /lab", "zeromq.pub_port 7001"];
         assert_eq!(shown(&store), told.map(|it| format!("{PREFIX}{it}")));
@@ -204,9 +174,10 @@ mod tests {
         assert!(refused.contains("-p endpoints.yarp.insecure:=true"), "{refused}");
         let word = ("endpoints.yarp.insecure", ParameterValue::Bool(true));
         let endpoints = taken(&[ip, word]).unwrap();
-        assert_eq!(endpoints.yarp.ip.unwrap().value, "192.0.2.7");
+        assert_eq!(endpoints.said("yarp.ip").as_deref(), Some("192.0.2.7"));
         let server = ("endpoints.yarp.name_server", ParameterValue::from("robot:10000"));
-        assert_eq!(taken(&[server]).unwrap().yarp.name_server.unwrap().value, "robot:10000");
+        let server = taken(&[server]).unwrap().said("yarp.name_server");
+        assert_eq!(server.as_deref(), Some("robot:10000"));
         let unknown = taken(&[("endpoints.yarp.pi", ParameterValue::from("x"))]).unwrap_err();
         assert!(unknown.contains("endpoints.yarp.ip"), "{unknown}");
         let wrong = taken(&[("endpoints.yarp.ip", ParameterValue::Integer(3))]).unwrap_err();

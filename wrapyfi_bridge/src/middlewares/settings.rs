@@ -6,58 +6,25 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use anyhow::Context as _;
-use wrapyfi_endpoint::Middleware;
+use wrapyfi_endpoint::Planned;
+use wrapyfi_endpoint::driver::Purpose;
 use wrapyfi_engine::Plan;
-use wrapyfi_ros1::{self as ros1, Ros1Config};
-use wrapyfi_ros2::environment;
-use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
-use wrapyfi_zeromq::ZeroMqConfig;
+use wrapyfi_ros2::{self as ros2, environment};
 
-use super::load::Endpoints;
-use super::start::start;
-use super::yarp::YarpSection;
+use super::drivers::names;
+use super::endpoints::Endpoints;
 use crate::exit::{Failure, Result};
 
 /// Settings of all middlewares of a bridge.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
     /// Settings of the middlewares that start and end by themselves.
-    pub(super) each: BTreeMap<&'static str, One>,
+    pub(super) each: BTreeMap<&'static str, Planned>,
     /// Settings of the bridge's node on ROS 2, each by its key; `None` where there is no node.
     node: Option<BTreeMap<&'static str, String>>,
     /// The largest message on each, in bytes.
     pub(super) largest: BTreeMap<String, usize>,
-}
-
-/// Settings of one middleware that starts and ends by itself.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum One {
-    /// Settings of ZeroMQ; true with the broker of services, where routes have any.
-    ZeroMq(ZeroMqConfig, bool),
-    /// Settings of YARP; true with ports that others connect to, where routes have any.
-    Yarp(YarpConfig, bool),
-    Ros1(Ros1Config),
-}
-
-impl One {
-    /// Starts the middleware.
-    pub(super) fn start(&self) -> Result<Arc<dyn Middleware>> {
-        Ok(match self {
-            Self::ZeroMq(config, serves) => {
-                let zeromq = start("zeromq", config)?;
-                if *serves {
-                    // A server of Wrapyfi's that was told not to start one relies on it.
-                    zeromq.start_services().context("zeromq")?;
-                }
-                Arc::new(zeromq)
-            }
-            Self::Yarp(config, listens) => Arc::new(YarpSection::start_with(config, *listens)?),
-            Self::Ros1(config) => Arc::new(start(ros1::NAME, config)?),
-        })
-    }
 }
 
 impl Settings {
@@ -66,26 +33,21 @@ impl Settings {
     /// # Errors
     /// Exit code 2 for settings that cannot work.
     pub fn of(endpoints: &Endpoints, plan: &Plan, before: &Self) -> Result<Self> {
-        let Endpoints { zeromq, ros, yarp, ros2, hosts } = endpoints;
         let mut largest = before.largest.clone();
         for name in plan.middlewares() {
             let most = largest.entry(name.to_owned()).or_default();
             *most = plan.largest_message_on(name).max(*most);
         }
-        let of = |name| largest.get(name).copied().unwrap_or_default();
+        let of = |name: &str| largest.get(name).copied().unwrap_or_default();
         let mut each = BTreeMap::new();
-        if plan.uses("zeromq") {
-            let config = zeromq.checked(zeromq.config(None, of("zeromq"), hosts)?)?;
-            each.insert("zeromq", One::ZeroMq(config, plan.has_services_on("zeromq")));
+        // On ROS 2 the bridge is a node.
+        for name in names().iter().filter(|name| **name != ros2::NAME && plan.uses(name)) {
+            let has_services = plan.has_services_on(name);
+            let purpose = Purpose::Routes { has_services, is_reached: plan.is_reached_on(name) };
+            each.insert(*name, endpoints.plan(name, of(name), purpose)?);
         }
-        if plan.uses(yarp::NAME) {
-            let config = yarp.config(of(yarp::NAME), hosts)?.located();
-            each.insert(yarp::NAME, One::Yarp(config, plan.is_reached_on(yarp::NAME)));
-        }
-        if plan.uses(ros1::NAME) {
-            each.insert(ros1::NAME, One::Ros1(ros.config(hosts)?));
-        }
-        let node = if plan.uses("ros2") {
+        let node = if plan.uses(ros2::NAME) {
+            let ros2 = endpoints.ros2();
             let environment = environment::read(|name| std::env::var(name).ok());
             let environment = environment.map_err(Failure::usage)?;
             let domain_id = ros2.domain_id(environment.domain_id);
@@ -95,7 +57,7 @@ impl Settings {
                 ("endpoints.ros2.domain_id", domain_id.to_string()),
                 ("endpoints.ros2.interface", interface),
                 ("endpoints.ros2.graph", graph),
-                ("max_message_mib", format!("enough for {} bytes", of("ros2"))),
+                ("max_message_mib", format!("enough for {} bytes", of(ros2::NAME))),
             ]))
         } else {
             before.node.clone()

@@ -19,6 +19,7 @@ use wrapyfi_interfaces::std_msgs::msg::String as Text;
 
 use super::{Advertise, Topic, client};
 use crate::in_force::Running;
+use crate::node::GRAPH;
 
 /// Topic on which bridges tell what they carry, as JSON.
 pub(crate) const TOPIC: &str = "/_wrapyfi_routes";
@@ -52,7 +53,7 @@ impl Circles {
                 limits: Limits { message_bytes: MAX_BYTES, ..Limits::default() },
                 ..TopicSpec::new(TOPIC, MessageType::Ros(ros_type))
             };
-            Ok(own.registry.get("ros2")?.open_listener(&spec, own.context)?)
+            Ok(own.registry.get(GRAPH)?.open_listener(&spec, own.context)?)
         };
         let listener = opened();
         let listener = listener.inspect_err(|why| tracing::warn!("{TOPIC} is not heard: {why}"));

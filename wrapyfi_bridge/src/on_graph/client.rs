@@ -27,6 +27,11 @@ const FOUND_WITHIN: Duration = Duration::from_millis(1500);
 /// Most bytes of a reply that are read.
 const MAX_BYTES: usize = 16 << 20;
 
+/// Node of the bridge whose status is published on a topic.
+pub fn node_of_status(topic: &str) -> Option<&str> {
+    topic.strip_suffix("/status")
+}
+
 /// Names of the nodes of bridges, each with the number of bridges that have it, as they are found until it `is_over`,
 /// which is told them and whether ROS 2 has told all.
 ///

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::Stamp;
+use wrapyfi_endpoint::Cause;
 use wrapyfi_engine::{RouteState, RouteStatus};
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -38,13 +39,13 @@ impl Diagnostics {
     pub fn of(
         &mut self,
         routes: &[RouteStatus],
-        middlewares: &BTreeMap<&'static str, Option<String>>,
+        middlewares: &BTreeMap<&'static str, Option<Cause>>,
         now: Stamp,
         at: Instant,
     ) -> DiagnosticArray {
         self.last.retain(|name, _| routes.iter().any(|route| route.name == *name));
         let mut status: Vec<_> =
-            middlewares.iter().map(|(name, away)| self.middleware(name, away.as_deref())).collect();
+            middlewares.iter().map(|(name, away)| self.middleware(name, away.as_ref())).collect();
         for route in routes {
             status.push(self.route(route, at));
         }
@@ -52,12 +53,13 @@ impl Diagnostics {
         DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }
     }
 
-    fn middleware(&self, name: &str, away: Option<&str>) -> DiagnosticStatus {
+    fn middleware(&self, name: &str, away: Option<&Cause>) -> DiagnosticStatus {
         let (level, message) = match away {
             None => (DiagnosticStatus::OK, "works".to_owned()),
             Some(what) => (DiagnosticStatus::WARN, format!("waits for {what}")),
         };
-        self.status(level, name, message, Vec::new())
+        let cause = away.map(|cause| ("cause", cause.code().to_string()));
+        self.status(level, name, message, cause.into_iter().collect())
     }
 
     fn route(&mut self, route: &RouteStatus, at: Instant) -> DiagnosticStatus {
@@ -89,8 +91,12 @@ impl Diagnostics {
             ("latency_p50_us", counters.latency.p50_us.to_string()),
             ("latency_p99_us", counters.latency.p99_us.to_string()),
         ];
+        values.extend(route.state.cause().map(|cause| ("cause", cause.code().to_string())));
         values.extend(
             counters.drops.iter().map(|(reason, count)| (reason.as_str(), count.to_string())),
+        );
+        values.extend(
+            counters.goals.iter().map(|(event, count)| (event.as_str(), count.to_string())),
         );
         values.extend(counters.refused.iter().map(|it| ("refused", it.who.clone())));
         self.status(level, &route.name, message, values)
@@ -117,7 +123,7 @@ impl Diagnostics {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_endpoint::{CountersSnapshot, DropReason};
+    use wrapyfi_endpoint::{CountersSnapshot, DropReason, Interaction, Named};
 
     use super::*;
 
@@ -127,7 +133,7 @@ mod tests {
             name: "talk".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
-            kind: "topic",
+            interaction: Interaction::Topic,
             message_type: "std_msgs/msg/String",
             state,
             has_source: false,
@@ -156,23 +162,25 @@ mod tests {
         assert_eq!(level(RouteState::Active, 5, long), DiagnosticStatus::OK);
         assert_eq!(level(RouteState::Active, 5, long * 2), DiagnosticStatus::STALE);
         assert_eq!(level(RouteState::Active, 6, long * 2), DiagnosticStatus::OK);
-        let waiting = RouteState::Waiting("a broker".to_owned());
+        let waiting = RouteState::Waiting(Cause::NoName);
         assert_eq!(level(waiting, 6, zero), DiagnosticStatus::WARN);
-        assert_eq!(level(RouteState::Degraded("x".to_owned()), 6, zero), DiagnosticStatus::WARN);
-        assert_eq!(level(RouteState::Error("x".to_owned()), 6, zero), DiagnosticStatus::ERROR);
+        assert_eq!(level(RouteState::Degraded(Cause::NoName), 6, zero), DiagnosticStatus::WARN);
+        assert_eq!(level(RouteState::Error(Cause::NoName), 6, zero), DiagnosticStatus::ERROR);
     }
 
     #[test]
     fn names_and_values_are_what_aggregators_expect() {
         let mut diagnostics = Diagnostics::new("/lab/bridge".to_owned());
-        let broker = "broker tcp://127.0.0.1:5555".to_owned();
+        let server = Named::server("the broker at", "tcp://127.0.0.1:5555");
+        let broker = Cause::ServerAway { server, detail: String::new() };
         let away = BTreeMap::from([("zeromq", Some(broker)), ("yarp", None)]);
         let all = [route(RouteState::Active, 3)];
         let array = diagnostics.of(&all, &away, Stamp::default(), Instant::now());
         let names: Vec<_> = array.status.iter().map(|one| one.name.as_str()).collect();
         assert_eq!(names, ["lab/bridge: yarp", "lab/bridge: zeromq", "lab/bridge: talk"]);
         assert_eq!(array.status[1].level, DiagnosticStatus::WARN);
-        assert!(array.status[1].message.contains("broker tcp"), "{array:?}");
+        assert!(array.status[1].message.contains("broker at tcp"), "{array:?}");
+        assert_eq!(array.status[1].values[0].value, "server_away");
         let dropped = array.status[2].values.iter().find(|pair| pair.key == "queue_full").unwrap();
         assert_eq!(dropped.value, "2");
     }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_endpoint::{Discovery, Registry, Role};
 
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::why::{OTHER_NODE, same_node};
 
 /// Time between two looks: each costs as much as there are endpoints.
@@ -21,7 +21,7 @@ pub(super) struct DuplicateNodes {
 impl DuplicateNodes {
     /// Begins to look; `None` where ROS 2 tells no endpoints.
     pub(super) fn new(node: &Node, registry: &Registry) -> Option<Self> {
-        let discovery = registry.get("ros2").ok()?.discover().ok()?;
+        let discovery = registry.get(GRAPH).ok()?.discover().ok()?;
         let next = Instant::now() + LOOK_EVERY;
         Some(Self { discovery, node: node.name().fqn(), next, is_told: false })
     }

@@ -1,7 +1,7 @@
 //! Statuses and diagnoses as messages of `wrapyfi_msgs`, and back.
 
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::{CountersSnapshot, DropReason};
+use wrapyfi_endpoint::{Cause, CauseCode, CountersSnapshot, DropReason, Role};
 use wrapyfi_engine::RouteStatus;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
@@ -11,7 +11,7 @@ use crate::why::Diagnosis;
 
 /// State and counters of a route of the bridge with this `node` as a message.
 pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
-    let CountersSnapshot { received, sent, sent_bytes, drops, latency, refused, .. } =
+    let CountersSnapshot { received, sent, sent_bytes, drops, goals, latency, refused, .. } =
         &status.counters;
     // What was lost before it arrived never arrived.
     let arrived = drops.iter().filter(|(reason, _)| *reason != DropReason::LostUpstream);
@@ -20,19 +20,18 @@ pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
         Ok(address) => node.resolve(&address).to_string(),
         Err(_) => end.clone(),
     };
-    RouteInfo {
+    let info = RouteInfo {
         key: status.name.clone(),
         source: status.from.clone(),
         destination: status.to.clone(),
         resolved_source: resolved(&status.from),
         resolved_destination: resolved(&status.to),
-        kind: status.kind.to_owned(),
+        kind: status.interaction.to_string(),
         type_name: match status.message_type.parse::<MessageType>() {
             Ok(known) => known.ros_type().to_owned(),
             Err(_) => status.message_type.to_owned(),
         },
         state: status.state.word().to_owned(),
-        reason: status.state.reason().unwrap_or_default().to_owned(),
         has_source: status.has_source,
         received: *received,
         sent: *sent,
@@ -42,12 +41,35 @@ pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
         dropped: status.counters.dropped(),
         drop_reasons: drops.iter().map(|(reason, _)| reason.to_string()).collect(),
         drop_counts: drops.iter().map(|(_, count)| *count).collect(),
+        goal_events: goals.iter().map(|(event, _)| event.to_string()).collect(),
+        goal_counts: goals.iter().map(|(_, count)| *count).collect(),
         queued: received.saturating_sub(gone),
         latency_p50_us: latency.p50_us,
         latency_p99_us: latency.p99_us,
         refused: refused.as_ref().map(|it| it.who.clone()).unwrap_or_default(),
+        refused_roles: refused.iter().flat_map(|it| &it.roles).map(Role::to_string).collect(),
         allow: refused.as_ref().map(|it| it.allow.clone()).unwrap_or_default(),
+        ..RouteInfo::default()
+    };
+    caused(info, status.state.cause())
+}
+
+/// A route with the cause of its state.
+pub(crate) fn caused(info: RouteInfo, cause: Option<&Cause>) -> RouteInfo {
+    let Some(cause) = cause else { return info };
+    RouteInfo {
+        reason: cause.to_string(),
+        cause: cause.code().to_string(),
+        cause_subject: cause.subject(),
+        cause_theirs: cause.theirs(),
+        cause_ours: cause.ours(),
+        ..info
     }
+}
+
+/// Kind of the cause for which a route is not active; `None` where it is.
+pub(crate) fn cause(running: &RouteInfo) -> Option<CauseCode> {
+    (!running.cause.is_empty()).then(|| running.cause.as_str().into())
 }
 
 /// True where an address is the one at which messages come in, or calls, as the file or as the bridge's node has it.
@@ -83,21 +105,26 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
+    use wrapyfi_endpoint::Interaction;
     use wrapyfi_engine::RouteState;
     use wrapyfi_node::NodeName;
     use wrapyfi_node::args::RosArgs;
 
     use super::*;
-    use crate::why::{Cause, Finding};
+    use crate::why::Finding;
 
     fn status() -> RouteStatus {
         RouteStatus {
             name: "talk".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
-            kind: "topic",
+            interaction: Interaction::Topic,
             message_type: "Text",
-            state: RouteState::Degraded("queue full".to_owned()),
+            state: RouteState::Degraded(Cause::Limit {
+                at: "ros2:/*".to_owned(),
+                limit: 1,
+                more: 2,
+            }),
             has_source: false,
             from_qos: None,
             to_qos: None,
@@ -123,7 +150,13 @@ mod tests {
         assert_eq!(info.type_name, "std_msgs/msg/String");
         assert_eq!(info.drop_reasons, ["queue_full", "lost_upstream"]);
         assert_eq!(info.drop_counts, [3, 7]);
-        assert_eq!((info.state.as_str(), info.reason.as_str()), ("degraded", "queue full"));
+        let reason = "1 is the limit of routes (max_routes), 2 more names match";
+        assert_eq!((info.state.as_str(), info.reason.as_str()), ("degraded", reason));
+        assert_eq!(cause(&info), Some(CauseCode::Limit));
+        assert_eq!(
+            [&*info.cause_subject, &*info.cause_theirs, &*info.cause_ours],
+            ["ros2:/*", "2", "1"]
+        );
     }
 
     #[test]
@@ -141,7 +174,7 @@ mod tests {
     #[test]
     fn a_diagnosis_is_told_in_full() {
         let finding = Finding {
-            cause: Cause::NobodyPublishes,
+            cause: CauseCode::NobodyPublishes,
             what: "nobody publishes ros2:/a".to_owned(),
             who: "a node".to_owned(),
             remedy: "start it".to_owned(),

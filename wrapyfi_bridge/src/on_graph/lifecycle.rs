@@ -25,7 +25,7 @@ const WAIT_FOR_SUBSCRIPTION: Duration = Duration::from_secs(3);
 pub(crate) struct Managed {
     lifecycle: Lifecycle,
     events: Option<Topic>,
-    /// Events that nobody hears yet, the oldest first, each with its instant.
+    /// Events that have no listener yet, the oldest first, each with its instant.
     unheard: VecDeque<(Instant, TransitionEvent)>,
     change: Option<Offered>,
     state: Option<Offered>,
@@ -35,7 +35,7 @@ pub(crate) struct Managed {
 }
 
 impl Managed {
-    /// A node whose state nobody else sees.
+    /// A node whose state no other program sees.
     pub(crate) fn new(lifecycle: Lifecycle) -> Self {
         Self { lifecycle, ..Self::default() }
     }
@@ -76,7 +76,7 @@ impl Managed {
         })
     }
 
-    /// Publishes the events that somebody hears, or that have waited for that long.
+    /// Publishes the events that have a listener, or that have waited for that long.
     fn publish_older_than(&mut self, limit: Duration) {
         let Some(events) = &mut self.events else { return self.unheard.clear() };
         let is_heard = events.publisher.link().peers != Some(0);

@@ -33,8 +33,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::{
-    BridgeMark, Context, Conventions, Durability, EndpointAddress, History, IncomingRequest,
-    Publisher, Qos, Registry, RequestId, Server, ServiceSpec, Throttle, TopicSpec, Wake,
+    BridgeMark, Context, Durability, EndpointAddress, History, IncomingRequest, Publisher, Qos,
+    Registry, RequestId, Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
@@ -55,7 +55,7 @@ use crate::exit::Result;
 use crate::in_force::Running;
 use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
-use crate::node::Node;
+use crate::node::{GRAPH, Node};
 use crate::why::Diagnosis;
 use crate::why::bridges::not_active;
 use crate::why::judge::judge;
@@ -257,7 +257,7 @@ impl Work {
             });
         }
         let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
-        let away = middlewares::waits(&bridge.routes.registry());
+        let away = middlewares::wait_causes(&bridge.routes.registry());
         topic.publish(&diagnostics.of(&routes, &away, now, Instant::now()));
     }
 
@@ -287,7 +287,7 @@ impl Work {
     }
 }
 
-/// Answers questions until nobody asks any more.
+/// Answers questions until none can come any more.
 fn answer_all(
     parts: &Parts,
     asked: &Receiver<(RequestId, String)>,
@@ -336,15 +336,15 @@ fn message(ros_type: RosType, message: &impl Message) -> Payload {
 pub fn own_addresses(node: &Node) -> Vec<EndpointAddress> {
     let topics =
         ["status", "transition_event"].iter().map(|it| node.resolve_topic(&format!("~/{it}")));
-    let services = Conventions::NONE.node_services.iter();
+    let services = middlewares::NODE_SERVICES.iter().copied().flatten();
     let services = services.map(|it| node.resolve_service(&format!("~/{it}")));
     let names = topics.chain(services).flatten();
-    names.map(|name| EndpointAddress { middleware: "ros2".to_owned(), name }).collect()
+    names.map(|name| EndpointAddress { middleware: GRAPH.to_owned(), name }).collect()
 }
 
 /// Mark of what no bridge by pattern carries anywhere: it has been everywhere. Other bridges see by it who began first.
 fn mark(bridge: u64) -> Option<BridgeMark> {
-    let path = middlewares::names().into_iter().map(str::to_owned).collect();
+    let path = middlewares::names().iter().map(|&name| name.to_owned()).collect();
     Some(BridgeMark { bridge, path })
 }
 
@@ -364,7 +364,7 @@ impl Advertise<'_> {
             let ros_type = client::ros_type::<M>().map_err(anyhow::Error::msg)?;
             let spec = TopicSpec::new(self.node.resolve_topic(name)?, MessageType::Ros(ros_type));
             let spec = TopicSpec { mark: mark(self.number), qos, ..spec };
-            let publisher = self.registry.get("ros2")?.open_publisher(&spec, self.context)?;
+            let publisher = self.registry.get(GRAPH)?.open_publisher(&spec, self.context)?;
             Ok(Topic { name, publisher, ros_type })
         };
         opened().inspect_err(|why| tracing::warn!("{name} is not published: {why}")).ok()
@@ -381,7 +381,7 @@ impl Advertise<'_> {
             let name = self.node.resolve_service(&format!("~/{service}"))?;
             let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
             let spec = ServiceSpec { mark: mark(self.number), ..spec };
-            let server = self.registry.get("ros2")?.open_server(&spec, self.context)?;
+            let server = self.registry.get(GRAPH)?.open_server(&spec, self.context)?;
             Ok(Offered { server, response: known.response(), refusals: Throttle::default() })
         };
         opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()

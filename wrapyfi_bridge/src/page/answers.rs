@@ -20,7 +20,7 @@ use crate::in_force::Running;
 use crate::visible::escaped;
 use crate::why::judge::judge;
 use crate::{logging, middlewares};
-use wrapyfi_endpoint::Mutex;
+use wrapyfi_endpoint::{Cause, Mutex};
 
 /// Time for which statuses are the newest, however many ask.
 const FRESH: Duration = Duration::from_millis(250);
@@ -28,13 +28,13 @@ const FRESH: Duration = Duration::from_millis(250);
 const MAX_PREVIEWS: usize = 16;
 
 /// An answer to a request.
-pub(super) struct Answer {
+pub(super) struct PageResponse {
     pub(super) status: StatusCode,
     pub(super) content_type: &'static str,
     pub(super) body: Bytes,
 }
 
-impl Answer {
+impl PageResponse {
     fn new(content_type: &'static str, body: impl Into<Bytes>) -> Self {
         Self { status: StatusCode::OK, content_type, body: body.into() }
     }
@@ -86,7 +86,7 @@ struct Row<'a> {
 struct RoutesDocument<'a> {
     node: String,
     /// Middlewares, each with what it waits for.
-    middlewares: BTreeMap<&'static str, Option<String>>,
+    middlewares: BTreeMap<&'static str, Option<Cause>>,
     panics: u64,
     routes: Vec<Row<'a>>,
 }
@@ -102,31 +102,32 @@ impl Answers {
         }
     }
 
-    /// Lets go of the messages of routes that nobody looks at any more.
+    /// Lets go of the messages of routes that no page shows any more.
     pub(super) fn sweep(&self) {
         self.previews.lock().sweep(Instant::now());
     }
 
-    pub(super) async fn answer(&self, path: &str, query: &str) -> Answer {
+    pub(super) async fn answer(&self, path: &str, query: &str) -> PageResponse {
         match path {
-            "/" => Answer::new("text/html; charset=utf-8", self.document.html.clone()),
-            "/routes.json" => Answer::new("application/json", self.now().json.clone()),
+            "/" => PageResponse::new("text/html; charset=utf-8", self.document.html.clone()),
+            "/routes.json" => PageResponse::new("application/json", self.now().json.clone()),
             "/previews.json" => self.previews(query),
             "/why.json" => self.why(query).await,
             "/metrics" => {
                 let text =
                     metrics::text(&self.now().routes, &self.middlewares(), logging::panics());
-                Answer::new("text/plain; version=0.0.4; charset=utf-8", text)
+                PageResponse::new("text/plain; version=0.0.4; charset=utf-8", text)
             }
-            _ => {
-                Answer { status: StatusCode::NOT_FOUND, ..Answer::text("there is nothing here\n") }
-            }
+            _ => PageResponse {
+                status: StatusCode::NOT_FOUND,
+                ..PageResponse::text("there is nothing here\n")
+            },
         }
     }
 
     /// Middlewares, each with what it waits for.
-    fn middlewares(&self) -> BTreeMap<&'static str, Option<String>> {
-        middlewares::waits(&self.bridge.routes.registry())
+    fn middlewares(&self) -> BTreeMap<&'static str, Option<Cause>> {
+        middlewares::wait_causes(&self.bridge.routes.registry())
     }
 
     fn now(&self) -> Arc<Now> {
@@ -152,7 +153,7 @@ impl Answers {
         fresh
     }
 
-    fn previews(&self, query: &str) -> Answer {
+    fn previews(&self, query: &str) -> PageResponse {
         let now = self.now();
         let wanted = ids(query).filter_map(|id| Some((id, now.routes.get(*now.places.get(id)?)?)));
         let mut previews = self.previews.lock();
@@ -163,11 +164,11 @@ impl Answers {
                 Some((id, previews.look(id, tap, Instant::now())?))
             })
             .collect();
-        Answer::json(&found)
+        PageResponse::json(&found)
     }
 
-    async fn why(&self, query: &str) -> Answer {
-        let fault = |text: &str| Answer::json(&json!({ "fault": text }));
+    async fn why(&self, query: &str) -> PageResponse {
+        let fault = |text: &str| PageResponse::json(&json!({ "fault": text }));
         let now = self.now();
         let place = ids(query).next().and_then(|id| now.places.get(id));
         let Some(route) = place.and_then(|place| now.routes.get(*place)) else {
@@ -183,7 +184,7 @@ impl Answers {
             contained(|| ask().map(|way| judge(&way))).flatten()
         });
         match asked.await {
-            Ok(Ok(diagnosis)) => Answer::json(&diagnosis),
+            Ok(Ok(diagnosis)) => PageResponse::json(&diagnosis),
             Ok(Err(text)) => fault(&text),
             Err(error) => fault(&error.to_string()),
         }

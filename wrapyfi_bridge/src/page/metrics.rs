@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::{Display, Write as _};
 
+use wrapyfi_endpoint::Cause;
 use wrapyfi_engine::RouteStatus;
 
 use crate::visible::escaped;
@@ -29,7 +30,7 @@ const COUNTERS: [Counter; 6] = [
 /// The routes, and the middlewares, each with what it waits for.
 pub(super) fn text(
     all: &[RouteStatus],
-    middlewares: &BTreeMap<&'static str, Option<String>>,
+    middlewares: &BTreeMap<&'static str, Option<Cause>>,
     panics: u64,
 ) -> String {
     let mut out = Text::default();
@@ -40,6 +41,12 @@ pub(super) fn text(
         for state in STATES {
             let is_in = u8::from(state == route.state.word());
             out.of_route(route, Some(("state", state)), is_in);
+        }
+    }
+    out.family("wrapyfi_route_cause", "gauge", "1 for the cause for which a route is not active.");
+    for route in &routes {
+        if let Some(cause) = route.state.cause() {
+            out.of_route(route, Some(("cause", cause.code().as_str())), 1);
         }
     }
     out.family("wrapyfi_route_info", "gauge", "Type that a route carries.");
@@ -60,6 +67,12 @@ pub(super) fn text(
     for route in &routes {
         for (reason, count) in &route.counters.drops {
             out.of_route(route, Some(("reason", reason.as_str())), count);
+        }
+    }
+    out.family("wrapyfi_route_goals_total", "counter", "Number of events of an action's goals.");
+    for route in &routes {
+        for (event, count) in &route.counters.goals {
+            out.of_route(route, Some(("event", event.as_str())), count);
         }
     }
     out.family(
@@ -118,7 +131,7 @@ impl Text {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_endpoint::{CountersSnapshot, DropReason};
+    use wrapyfi_endpoint::{CountersSnapshot, DropReason, Interaction};
     use wrapyfi_engine::RouteState;
 
     use super::*;
@@ -129,9 +142,9 @@ mod tests {
             name: "a\"} 1\nb\\\x1b\u{202e}".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
-            kind: "topic",
+            interaction: Interaction::Topic,
             message_type: "Text",
-            state: RouteState::Degraded("queue full".to_owned()),
+            state: RouteState::Degraded(Cause::Transport("queue full".to_owned())),
             has_source: false,
             from_qos: None,
             to_qos: None,
@@ -146,7 +159,7 @@ mod tests {
             panics: 0,
             pattern: None,
         };
-        let away = BTreeMap::from([("ros2", None), ("yarp", Some("a name server".to_owned()))]);
+        let away = BTreeMap::from([("ros2", None), ("yarp", Some(Cause::NoName))]);
         let text = text(&[route], &away, 2);
         let own = r#"route="a\"} 1\nb\\\\u001b\\u202e",from="ros2:/a",to="zeromq:/a""#;
         for line in [
@@ -154,6 +167,7 @@ mod tests {
             format!("wrapyfi_route_state{{{own},state=\"active\"}} 0"),
             format!("wrapyfi_route_received_messages_total{{{own}}} 9"),
             format!("wrapyfi_route_dropped_messages_total{{{own},reason=\"queue_full\"}} 3"),
+            format!("wrapyfi_route_cause{{{own},cause=\"transport\"}} 1"),
             format!("wrapyfi_route_latency_seconds{{{own},quantile=\"0.99\"}} 0"),
             "wrapyfi_middleware_up{middleware=\"ros2\"} 1".to_owned(),
             "wrapyfi_middleware_up{middleware=\"yarp\"} 0".to_owned(),

@@ -5,12 +5,12 @@
 //!                                                                              │
 //!     /               document    the page: one file, with the hashes of what it may run
 //!     /routes.json    answers     statuses of the routes, as `wrapyfi bridge --json` has them
-//!     /previews.json  previews    newest messages of the routes that somebody looks at
+//!     /previews.json  previews    newest messages of the routes that a page shows
 //!     /why.json       answers     what `wrapyfi why` says of a route
 //!     /metrics        metrics     Prometheus
 //! ```
 //!
-//! All of it runs on one thread, and no route waits for it. Nobody looks: it costs nothing.
+//! All of it runs on one thread, and no route waits for it. Without a page open it costs nothing.
 
 mod answers;
 mod document;

@@ -14,7 +14,7 @@ const visible = (_, value) => (typeof value === "string" ? value.replace(HIDDEN,
 const say = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 const set = (element, name, value) => { if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value); };
 
-const SIDES = { ros2: "ROS 2", ros: "ROS 1", yarp: "YARP", zeromq: "ZeroMQ" };
+const SIDES = { ros2: "ROS 2", ros: "ROS 1", yarp: "YARP", zeromq: "ZeroMQ" }, [HUB] = Object.keys(SIDES);
 const STATES = ["active", "waiting", "degraded", "error"];
 const sideClass = (side) => (Object.hasOwn(SIDES, side) ? side : "other");
 const KEEP = 120, TILES = 12, ROWS = 400, LOOK_MS = 1000, PREVIEW_MS = 400;
@@ -56,11 +56,11 @@ function take(next) {
   });
 }
 const isPattern = (route) => route.pattern !== undefined;
-const side = (route) => sideClass(route.ends.from.side === "ros2" ? route.ends.to.side : route.ends.from.side);
+const side = (route) => sideClass(route.ends.from.side === HUB ? route.ends.to.side : route.ends.from.side);
 // A route without a name of its own is called as its ends are: one of them, on the graph where it is there, is shorter.
 function title(route) {
   if (route.name !== `${route.from} -> ${route.to}`) return route.name;
-  return route.ends.to.side === "ros2" || route.ends.from.side !== "ros2" ? route.ends.to.name : route.ends.from.name;
+  return route.ends.to.side === HUB || route.ends.from.side !== HUB ? route.ends.to.name : route.ends.from.name;
 }
 const sentence = (route) => (route.state === "active" ? "active" : route.state === "waiting" ? `waiting for ${route.reason}` : `${route.state}: ${route.reason}`);
 function patternWords({ pattern }) {
@@ -147,12 +147,12 @@ function lay(graph, width, real) {
     if (!ports.has(name)) ports.set(name, { side, name, peers: new Set(), at: 0 });
     return ports.get(name);
   };
-  if (!real.length) sides.set("ros2", new Map());
+  if (!real.length) sides.set(HUB, new Map());
   for (const { ends } of real) {
     const [a, b] = [port(ends.from), port(ends.to)];
     a.peers.add(b); b.peers.add(a);
   }
-  const hub = sides.get("ros2") || new Map(), spokes = [...sides.keys()].filter((name) => name !== "ros2");
+  const hub = sides.get(HUB) || new Map(), spokes = [...sides.keys()].filter((name) => name !== HUB);
   const size = (name) => sides.get(name).size;
   const columns = [[], []];
   for (const name of [...spokes].sort((a, b) => size(b) - size(a) || (a < b ? -1 : 1))) {
@@ -178,7 +178,7 @@ function lay(graph, width, real) {
   const named = row >= 12.5, font = Math.min(tallest < 7 ? 19 : 16.5, row * .82);
   const rows = (list) => Math.max(1, list.length) * row;
   // Cables between the outer columns pass below the card in the middle, each on a level of its own.
-  const lane = (name) => (name === "ros2" ? 1 : columns[0].includes(name) ? 0 : 2);
+  const lane = (name) => (name === HUB ? 1 : columns[0].includes(name) ? 0 : 2);
   const across = real.filter(({ ends }) => Math.abs(lane(ends.from.side) - lane(ends.to.side)) === 2).length;
   const step = Math.min(24, 240 / Math.max(1, across)), below = across ? 14 + across * step : 0;
   const tall = (column, lane) => column.reduce((sum, list) => sum + rows(list) + HEAD + FOOT, lane === 1 ? below : 0) + Math.max(0, column.length - 1) * GAP;
@@ -192,7 +192,7 @@ function lay(graph, width, real) {
   lists.forEach((column, lane) => {
     let y = TOP + (height - 2 * TOP - tall(column, lane)) / 2;
     column.forEach((list, at) => {
-      const name = lane === 1 ? "ros2" : columns[lane ? 1 : 0][at], tallCard = HEAD + FOOT + rows(list), x = xs[lane];
+      const name = lane === 1 ? HUB : columns[lane ? 1 : 0][at], tallCard = HEAD + FOOT + rows(list), x = xs[lane];
       const card = draw("g", { class: `${sideClass(name)}${lane === 1 ? " hub" : ""}` });
       card.append(draw("rect", { class: "card", x, y, width: cardWidth, height: tallCard, rx: 16 }), draw("rect", { class: "stripe", x: x + 16, y: y + 17, width: 6, height: 28, rx: 3 }),
         draw("text", { class: "title", x: x + 32, y: y + 31 }, SIDES[name] || cut(name, 16)));
@@ -297,7 +297,7 @@ const rank = (route) => (/Image/.test(route.type) ? 0 : /Audio|Sound/.test(route
 function live() {
   // Those that are shown stay where they are; others take the places that are free.
   const shown = new Set(tiles.keys());
-  const worth = routes.filter((route) => !isPattern(route) && meant(route) && !route.type.includes("/srv/") && (route.messages_per_s > 0 || shown.has(route.id)));
+  const worth = routes.filter((route) => !isPattern(route) && meant(route) && !/\/(srv|action)\//.test(route.type) && (route.messages_per_s > 0 || shown.has(route.id)));
   const wanted = [...worth].sort((a, b) => rank(a) - rank(b) || shown.has(b.id) - shown.has(a.id)).slice(0, TILES);
   const keep = new Set(wanted.map((route) => route.id));
   for (const [id, tile] of tiles) if (!keep.has(id)) { watch.unobserve(tile.box); tile.box.remove(); tiles.delete(id); }
@@ -448,8 +448,9 @@ function detail() {
   set(panel.path, "d", curve);
   set(panel.area, "d", area);
   say(panel.peak, `messages a second, at most ${hz(Math.max(...route.history.map(([rate]) => rate)))} in two minutes`);
-  const { counters } = route, facts = [["type", shortType(route.type)], ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
+  const { counters } = route, facts = [["type", shortType(route.type)], ...(route.cause ? [["cause", route.cause.replaceAll("_", " ")]] : []), ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
     ["received", `${number(counters.received)}, ${bytes(counters.received_bytes)}`], ["sent", `${number(counters.sent)}, ${bytes(counters.sent_bytes)}`], ["queued", number(route.queued)],
+    ...Object.entries(counters.goals ?? {}).map(([event, count]) => [`goals ${event.replaceAll("_", " ")}`, number(count)]),
     ...Object.entries(counters.drops).map(([reason, count]) => [`dropped: ${reason.replaceAll("_", " ")}`, number(count)]),
     ...(counters.refused ? [["refused last", counters.refused.who], ["to let it in", counters.refused.allow]] : []),
     ...Object.entries(counters.qos_events).map(([event, count]) => [event.replaceAll("_", " "), number(count)]),

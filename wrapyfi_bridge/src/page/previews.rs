@@ -1,4 +1,4 @@
-//! Messages of the routes that somebody looks at.
+//! Messages of the routes that a page shows.
 //!
 //! Showing one costs time: the next of that route comes when many times as long has passed, so that all that is
 //! shown takes a small part of a core, whatever its size.
@@ -12,7 +12,7 @@ use wrapyfi_retry::contained;
 
 use super::preview::{Preview, preview};
 
-/// Time without a look after which nobody looks.
+/// Time without a request after which no page shows a route.
 const GONE_AFTER: Duration = Duration::from_secs(3);
 /// Shortest time between two messages that are shown of one route.
 const EVERY: Duration = Duration::from_millis(300);
@@ -22,7 +22,7 @@ const SHARE: u32 = 400;
 const AT_LEAST: Duration = Duration::from_secs(5);
 
 /// A route that is looked at.
-struct Look {
+struct ViewedRoute {
     tap: Arc<Tap>,
     seen: Instant,
     not_before: Instant,
@@ -30,12 +30,12 @@ struct Look {
 
 /// The routes that are looked at, by their number.
 #[derive(Default)]
-pub(super) struct Previews(BTreeMap<String, Look>);
+pub(super) struct Previews(BTreeMap<String, ViewedRoute>);
 
 impl Previews {
     /// The newest message, where one has come since the last look and it is time for it.
     pub(super) fn look(&mut self, id: &str, tap: Arc<Tap>, now: Instant) -> Option<Preview> {
-        let fresh = || Look { tap: Arc::clone(&tap), seen: now, not_before: now };
+        let fresh = || ViewedRoute { tap: Arc::clone(&tap), seen: now, not_before: now };
         let look = self.0.entry(id.to_owned()).or_insert_with(fresh);
         look.seen = now;
         if !Arc::ptr_eq(&look.tap, &tap) {
@@ -53,7 +53,7 @@ impl Previews {
         shown
     }
 
-    /// Lets go of those that nobody has looked at for a while.
+    /// Lets go of those that no page has shown for a while.
     pub(super) fn sweep(&mut self, now: Instant) {
         self.0.retain(|_, look| {
             let is_seen = now.saturating_duration_since(look.seen) < GONE_AFTER;

@@ -17,9 +17,9 @@ use tokio::sync::oneshot;
 use tokio::time::{interval, sleep, timeout};
 use wrapyfi_retry::NewestTasks;
 
-use super::answers::{Answer, Answers};
+use super::answers::{Answers, PageResponse};
 
-/// Most connections at once. One more closes the oldest: half a request keeps nobody out.
+/// Most connections at once. One more closes the oldest: half a request keeps no other out.
 const MAX_CONNECTIONS: usize = 32;
 /// Longest time that a request may take to come, and a connection stay idle.
 const REQUEST: Duration = Duration::from_secs(5);
@@ -29,7 +29,7 @@ const CONNECTION_FOR: Duration = Duration::from_secs(60);
 const HEAD_BYTES: usize = 16 * 1024;
 /// Most headers of a request.
 const MAX_HEADERS: usize = 64;
-/// Time between two looks whether somebody still looks.
+/// Time between two looks whether a page still shows it.
 const SWEEP_EVERY: Duration = Duration::from_secs(1);
 /// Pause after a connection that could not be accepted.
 const REFUSED_FOR: Duration = Duration::from_millis(200);
@@ -85,12 +85,12 @@ async fn respond(
     answers: &Answers,
 ) -> Result<Response<Full<Bytes>>, Infallible> {
     let answer = match refusal(&request) {
-        Some((status, text)) => Answer { status, ..Answer::text(text) },
+        Some((status, text)) => PageResponse { status, ..PageResponse::text(text) },
         None => {
             answers.answer(request.uri().path(), request.uri().query().unwrap_or_default()).await
         }
     };
-    let Answer { status, content_type, body } = answer;
+    let PageResponse { status, content_type, body } = answer;
     let mut response = Response::new(Full::new(body));
     *response.status_mut() = status;
     let headers = response.headers_mut();
@@ -132,7 +132,7 @@ fn refusal<B>(request: &Request<B>) -> Option<(StatusCode, &'static str)> {
         .then_some((StatusCode::FORBIDDEN, "a page from elsewhere asks for this\n"))
 }
 
-/// True where the only `Host` is this machine. A name that somebody made point here says another one.
+/// True where the only `Host` is this machine. A name that was made to point here says another one.
 fn names_this_machine(headers: &HeaderMap) -> bool {
     let mut hosts = headers.get_all(HOST).iter();
     match (hosts.next(), hosts.next()) {

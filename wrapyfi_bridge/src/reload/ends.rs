@@ -1,4 +1,4 @@
-//! Middlewares that somebody else has ended, as `rosnode kill` does, and that start anew.
+//! Middlewares that another program has ended, as `rosnode kill` does, and that start anew.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ impl Reload {
             if !ends.is_time(Instant::now()) {
                 continue;
             }
-            match self.middlewares.start_anew(name, reason) {
+            match self.middlewares.start_anew(name, &reason) {
                 Ok(()) => is_other = true,
                 Err(failure) => tracing::error!("{name} does not start anew: {failure}"),
             }
@@ -35,7 +35,7 @@ impl Reload {
     }
 }
 
-/// Ends of a middleware by somebody else's order.
+/// Ends of a middleware by another program's order.
 pub(super) struct Ends {
     backoff: Backoff,
     /// Instant of the next start, while it has ended.

@@ -4,7 +4,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::files::read_file;
+use wrapyfi_endpoint::config::read_file;
 
 /// Time after which a file that is gone is complained of: editors take it away for a moment.
 const GONE_AFTER: Duration = Duration::from_secs(2);

@@ -74,8 +74,12 @@ impl Row {
 
     /// Reasons for which messages were dropped, with their numbers.
     pub fn drops(&self) -> String {
-        let pairs = self.info.drop_reasons.iter().zip(&self.info.drop_counts);
-        pairs.map(|(reason, count)| format!("{reason} {count}")).collect::<Vec<_>>().join(", ")
+        counted(&self.info.drop_reasons, &self.info.drop_counts)
+    }
+
+    /// Events of an action's goals, with their numbers.
+    pub fn goals(&self) -> String {
+        counted(&self.info.goal_events, &self.info.goal_counts)
     }
 
     /// Programs that were refused, the last first, and the lines that would let them in.
@@ -92,6 +96,11 @@ impl Row {
             _ => 0,
         }
     }
+}
+
+fn counted(words: &[String], counts: &[u64]) -> String {
+    let pairs = words.iter().zip(counts).map(|(word, count)| format!("{word} {count}"));
+    pairs.collect::<Vec<_>>().join(", ")
 }
 
 /// Headings of the table.
@@ -129,6 +138,10 @@ impl Routes {
                 &mut info.type_name,
                 &mut info.state,
                 &mut info.reason,
+                &mut info.cause,
+                &mut info.cause_subject,
+                &mut info.cause_theirs,
+                &mut info.cause_ours,
                 &mut info.refused,
                 &mut info.allow,
             ] {
@@ -195,7 +208,7 @@ impl Routes {
         let mut text = lines.next().unwrap_or_default();
         for (row, line) in rows.into_iter().zip(lines) {
             let _infallible = write!(text, "\n{line}");
-            for note in [row.info.reason.clone(), row.drops(), row.refused()] {
+            for note in [row.info.reason.clone(), row.goals(), row.drops(), row.refused()] {
                 if !note.is_empty() {
                     let _infallible = write!(text, "\n    {note}");
                 }

@@ -192,13 +192,18 @@ fn draw_detail(frame: &mut Frame<'_>, row: &Row, area: Rect) {
     let or_none = |text: &str| if text.is_empty() { "none".to_owned() } else { text.to_owned() };
     let reason = match info.reason.as_str() {
         "" => String::new(),
-        reason => format!(": {reason}"),
+        reason if info.cause.is_empty() => format!(": {reason}"),
+        reason => format!(" ({}): {reason}", info.cause),
+    };
+    let goals = match row.goals() {
+        none if none.is_empty() => none,
+        goals => format!("  goals: {goals}"),
     };
     let lines = vec![
         Line::from(format!("{} -> {}   {}", info.source, info.destination, info.type_name)),
         Line::from(format!("{}{reason}", info.state)),
         Line::from(format!(
-            "received {}  sent {}  drops: {}",
+            "received {}  sent {}  drops: {}{goals}",
             info.received,
             info.sent,
             or_none(&row.drops())

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_endpoint::{CauseCode, EndpointAddress};
 use wrapyfi_engine::{Plan, Route};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
@@ -15,10 +15,12 @@ use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
 use wrapyfi_yarp_endpoint as yarp;
 
+use crate::on_graph::info::cause;
+
 use super::look::{LISTEN, port};
 use super::question::Configured;
 use super::server_check::ServerCheck;
-use super::{Board, BoardPort, Cause, Finding, RouteFacts, Step, Way};
+use super::{Board, BoardPort, Finding, RouteFacts, StepResult, Way};
 use crate::middlewares::Endpoints;
 
 /// Routes of a board, and the end of the name of its port that is meant.
@@ -30,9 +32,8 @@ pub(super) struct Routes<'p> {
 
 /// End of the name of a board's port, where `address` is one of the board at `board`.
 fn end_of_port(address: &EndpointAddress, board: &EndpointAddress) -> Option<&'static str> {
-    let end = address.name.strip_prefix(&board.name)?;
     let ends = yarp::BOARD_PORTS.into_iter().filter(|_| address.middleware == board.middleware);
-    ends.into_iter().find(|it| *it == end)
+    ends.into_iter().find(|end| format!("{}{end}", board.name) == address.name)
 }
 
 /// Board of a plan that a name means: its name, its address, that of one of its ports, or one of its routes.
@@ -42,11 +43,9 @@ pub(super) fn of_name<'p>(
     address: Option<&EndpointAddress>,
 ) -> Option<Routes<'p>> {
     let all = || plan.routes.iter().filter(|one| one.serves_board());
-    let is_named = |one: &Route| {
-        let words = one.name.rsplit_once(' ').map(|(board, _)| board);
-        one.name == name || one.ends() == name || words == Some(name)
-    };
-    let is_end = |one: &Route| address.is_some_and(|it| [&one.from, &one.to].contains(&it));
+    let is_named =
+        |one: &Route| one.name == name || one.ends() == name || one.board_name() == Some(name);
+    let is_end = |one: &Route| address.is_some_and(|it| one.from == *it || one.to == *it);
     let pair = |board: &EndpointAddress| {
         Some((all().find(|it| it.to == *board)?, all().find(|it| it.from == *board)?))
     };
@@ -113,7 +112,8 @@ fn ports(
 ) -> Vec<BoardPort> {
     let look = |end: &'static str| {
         let name = format!("{}{end}", board.name);
-        let (is_asked, is_input) = (asked.is_none_or(|it| it == end), end.ends_with('i'));
+        let is_asked = asked.is_none_or(|it| it == end);
+        let is_input = yarp::BOARD_INPUTS.contains(&end);
         let found = port(&name, servers, endpoints).ok().flatten();
         let at = found.map(|(host, port)| {
             let host = endpoints.hosts.resolve(&host).map_or(host, |ip| ip.to_string());
@@ -159,13 +159,13 @@ impl Board {
                 let remedy = format!(
                     "look in the log of {node}; a name server that was started anew is told within seconds"
                 );
-                return Err(Finding::new(Cause::NobodyOffers, what, "the bridge", remedy));
+                return Err(Finding::new(CauseCode::NobodyOffers, what, "the bridge", remedy));
             };
             let Some(connected) = connected else {
                 let what = format!("{name} is registered at {at}, and nobody answers there");
                 let remedy = format!("end what has the name, then: yarp name unregister {name}");
                 let who = "the program that has registered it";
-                return Err(Finding::new(Cause::PeerUnreachable, what, who, remedy));
+                return Err(Finding::new(CauseCode::PeerUnreachable, what, who, remedy));
             };
             let clients = match connected.is_empty() {
                 true => "nobody is connected".to_owned(),
@@ -176,17 +176,17 @@ impl Board {
         Ok(open)
     }
 
-    /// Somebody who is connected to a port that was asked about.
-    pub(super) fn has_clients(&self) -> Step {
+    /// A program who is connected to a port that was asked about.
+    pub(super) fn has_clients(&self) -> StepResult {
         let mut asked = self.ports.iter().filter(|port| port.is_asked);
         let nobody = |port: &BoardPort| port.connected.as_ref().is_none_or(Vec::is_empty);
         if !asked.clone().all(nobody) {
             return Ok(());
         }
-        let name = asked.next().filter(|_| asked.next().is_none()).map(|port| &port.name);
-        let name = name.unwrap_or(&self.address.name);
+        let only = asked.next().filter(|_| asked.next().is_none());
+        let name = only.map_or(&self.address.name, |port| &port.name);
         let what = format!("the board is open, and no client is connected to {name}");
-        let remedy = match name.ends_with(":o") {
+        let remedy = match only.is_some_and(|port| !port.is_input) {
             true => format!("yarp read ... {name}"),
             false => format!(
                 "yarp rpc {}{}; or open remote_controlboard with --remote {0}",
@@ -195,13 +195,11 @@ impl Board {
             ),
         };
         let who = "a client: remote_controlboard, yarpmotorgui, yarp rpc";
-        Err(Finding::new(Cause::NobodyListens, what, who, remedy))
+        Err(Finding::new(CauseCode::NobodyListens, what, who, remedy))
     }
 }
 
 /// True where the route of a board waits for clients alone.
 pub(super) fn lacks_clients(way: &Way) -> bool {
-    way.running
-        .as_ref()
-        .is_some_and(|it| it.state == "waiting" && it.reason.starts_with(yarp::NO_CLIENT))
+    way.running.as_ref().is_some_and(|it| cause(it) == Some(CauseCode::NobodyCalls))
 }

@@ -3,15 +3,18 @@
 use std::collections::BTreeMap;
 
 use wrapyfi_endpoint::pattern::{Inverse, NamePattern, is_pattern, ros_name};
-use wrapyfi_endpoint::{EndpointAddress, Role};
-use wrapyfi_engine::TO_BE_ACTIVATED;
+use wrapyfi_endpoint::{CauseCode, EndpointAddress, Interaction, Role};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use super::server_check::{Answer, ServerCheck};
+use super::running::interaction;
+use super::server_check::{ConnectOutcome, ServerCheck};
 use super::state::{Passed, has_rival, leads_to};
-use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
+use super::{Finding, OTHER_NODE, RouteFacts, StepResult, Way, WayEnd, same_node};
 use crate::lifecycle::State;
+use crate::middlewares::conventions;
+use crate::node::GRAPH;
+use crate::on_graph::info::cause;
 
 /// Words for a route where no bridge can be heard.
 const MAY_RUN: &str = "the route may run: no bridge tells its state (`--node NODE` asks one)";
@@ -20,7 +23,7 @@ const MAY_RUN: &str = "the route may run: no bridge tells its state (`--node NOD
 pub(super) fn inactive(way: &Way) -> Option<Finding> {
     let Way { running, others, node, foreign, .. } = way;
     let state = match running {
-        Some(running) => (running.reason == TO_BE_ACTIVATED).then_some(State::Inactive),
+        Some(running) => (cause(running) == Some(CauseCode::Inactive)).then_some(State::Inactive),
         // Before it is configured, it has neither routes nor a broker.
         None => is_unconfigured(others.as_ref()?.get(node)?).then_some(State::Unconfigured),
     };
@@ -37,17 +40,18 @@ pub(super) fn unconfigured(others: &BTreeMap<String, BridgeStatus>) -> Option<Fi
     Some(not_active(State::Unconfigured, node, None))
 }
 
-/// The finding that a pattern makes no route of a mere name which somebody has.
-pub(super) fn matched_without_route(way: &Way, end: &End) -> Option<Finding> {
+/// The finding that a pattern makes no route of a mere name which a program has.
+pub(super) fn matched_without_route(way: &Way, end: &WayEnd) -> Option<Finding> {
     let (node, pattern) = way.matched_without_route.as_ref()?;
     let address = &end.address;
     let what =
         format!("the pattern {pattern} of {node} matches {address}, and makes no route of it");
     let remedy = format!("`wrapyfi why {address} --node {node}` tells the reason");
-    Some(Finding::new(Cause::LeftOut, what, "that bridge", remedy))
+    Some(Finding::new(CauseCode::LeftOut, what, "that bridge", remedy))
 }
 
-/// The finding that nobody has a name at the destination of a bridge's pattern, with the source that is to be looked at.
+/// The finding that no program has a name at the destination of a bridge's pattern, with the source that is to be
+/// looked at.
 pub(super) fn brought_by_pattern(way: &Way, nobody: Finding) -> Finding {
     let Some((node, pattern, source)) = &way.brought_by_pattern else { return nobody };
     let what = format!("{}, and the pattern {pattern} of {node} makes no route to it", nobody.what);
@@ -62,17 +66,14 @@ pub(super) fn pattern_to(
     all: &BTreeMap<String, BridgeStatus>,
 ) -> Option<(String, String, EndpointAddress)> {
     let source = |one: &RouteInfo| {
-        let [to, from] = match one.kind == "service" {
-            true => [&one.source, &one.destination],
-            false => [&one.destination, &one.source],
-        };
+        let [from, to] = interaction(one).in_direction(&one.source, &one.destination);
         let (to, from) =
             (to.parse::<EndpointAddress>().ok()?, from.parse::<EndpointAddress>().ok()?);
         let is_meant = to.middleware == address.middleware && is_pattern(&from.name);
         let pattern = is_meant.then(|| NamePattern::new(&from.name).ok())??;
         let name = Inverse::new(&pattern, &to.name)?.source(&address.name)?;
         // ROS 2 has such a name with what stands there for a colon and the like.
-        let name = if from.middleware == "ros2" { ros_name(&name) } else { name };
+        let name = if from.middleware == GRAPH { ros_name(&name) } else { name };
         Some(EndpointAddress { name, ..from })
     };
     all.iter().find_map(|(node, status)| {
@@ -82,13 +83,17 @@ pub(super) fn pattern_to(
     })
 }
 
-/// The finding that the bridge is registered at another master of ROS 1: that of this shell would have the subscription
-/// or the publication of its active route. Not while messages pass: a master that was restarted knows nobody either.
-pub(super) fn other_master(way: &Way, end: &End) -> Step {
+/// The finding that the bridge is registered at another server than the one that a variable of this shell names, which
+/// would have the subscription or the publication of its active route. Not while messages pass: a master that was
+/// restarted knows no node either.
+pub(super) fn other_master(way: &Way, end: &WayEnd) -> StepResult {
     let is_own = way.route.as_ref().is_some_and(|route| route.is_own);
-    let is_asked = end.address.middleware == "ros" && !is_own && end.is_open();
-    let running = way.running.as_ref().filter(|it| it.state == "active" && it.kind != "service");
-    let running = running.filter(|it| is_asked && it.messages_per_s <= 0.0);
+    let server = conventions(&end.address.middleware).name_service;
+    let variable = server.and_then(|server| server.server_variable);
+    let Some(variable) = variable.filter(|_| !is_own && end.is_open()) else { return Ok(()) };
+    let running = way.running.as_ref().filter(|it| it.state == "active");
+    let running = running.filter(|it| interaction(it) == Interaction::Topic);
+    let running = running.filter(|it| it.messages_per_s <= 0.0);
     let Some(running) = running else { return Ok(()) };
     let address = end.address.to_string();
     let (role, has) = if running.resolved_source == address {
@@ -105,13 +110,24 @@ pub(super) fn other_master(way: &Way, end: &End) -> Step {
     let master = end.servers.first().map(ServerCheck::words).unwrap_or_default();
     let what = format!(
         "the route {} of {node} is active, and the {master} of this shell has no {has} of {address}: that bridge has another \
-         ROS_MASTER_URI",
+         {variable}",
         running.key
     );
     let remedy = format!(
-        "set ROS_MASTER_URI in this shell as where {node} starts, or the other way round; the log of {node} names its master"
+        "set {variable} in this shell as where {node} starts, or the other way round; the log of {node} names its master"
     );
-    Err(Finding::new(Cause::OtherMaster, what, "this shell, or whoever starts the bridge", remedy))
+    Err(Finding::new(
+        CauseCode::OtherMaster,
+        what,
+        "this shell, or whoever starts the bridge",
+        remedy,
+    ))
+}
+
+/// End from which a route takes, as it is written.
+fn source(one: &RouteInfo) -> &str {
+    let [from, _] = interaction(one).in_direction(&one.source, &one.destination);
+    from
 }
 
 /// Bridge and its pattern that matches a name, where none has a route of it.
@@ -127,12 +143,8 @@ pub(super) fn pattern_of(
             .and_then(|it| NamePattern::new(&it.name).ok())
             .is_some_and(|it| it.matches(&address.name))
     };
-    let source = |one: &RouteInfo| match one.kind == "service" {
-        true => one.destination.clone(),
-        false => one.source.clone(),
-    };
     all.iter().find_map(|(node, status)| {
-        let pattern = status.routes.iter().find(|one| matches(&source(one)))?;
+        let pattern = status.routes.iter().find(|one| matches(source(one)))?;
         Some((node.clone(), pattern.key.clone()))
     })
 }
@@ -140,10 +152,7 @@ pub(super) fn pattern_of(
 /// Sources that would go to an address, and do not because another one does, in words.
 pub(super) fn rivals(all: &[RouteInfo], address: &str) -> Vec<String> {
     let waits = |one: &&RouteInfo| has_rival(one) && leads_to(one, address);
-    let words = |one: &RouteInfo| match one.kind == "service" {
-        true => format!("{} waits for {}", one.destination, one.reason),
-        false => format!("{} waits for {}", one.source, one.reason),
-    };
+    let words = |one: &RouteInfo| format!("{} waits for {}", source(one), one.reason);
     all.iter().filter(waits).map(words).collect()
 }
 
@@ -157,7 +166,7 @@ pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMappin
         State::Inactive => set("activate"),
         _ => format!("{} && {}", set("configure"), set("activate")),
     };
-    Finding::new(Cause::State, what, "whoever manages the node", remedy)
+    Finding::new(CauseCode::State, what, "whoever manages the node", remedy)
 }
 
 /// The finding that the bridge of the route is in another domain of ROS 2.
@@ -166,7 +175,7 @@ pub(super) fn elsewhere(way: &Way) -> Option<Finding> {
         return None;
     }
     let Some((domain, bridge)) = &way.other_domain else {
-        return way.stopped.clone().filter(|it| it.cause == Cause::OtherDomain);
+        return way.stopped.clone().filter(|it| it.cause == CauseCode::OtherDomain);
     };
     let mut graphs = way.source.iter().chain(&way.destination).filter_map(|end| end.graph.as_ref());
     let own = graphs.next().map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
@@ -177,11 +186,11 @@ pub(super) fn elsewhere(way: &Way) -> Option<Finding> {
          domain of its peers"
     );
     let who = "this shell, or whoever starts the bridge";
-    Some(Finding::new(Cause::OtherDomain, what, who, remedy))
+    Some(Finding::new(CauseCode::OtherDomain, what, who, remedy))
 }
 
 /// The finding that no bridge runs the route; else what is known instead of that. A pattern has no destination.
-pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Passed {
+pub(super) fn lacking(way: &Way, source: &WayEnd, destination: Option<&WayEnd>) -> Passed {
     let Way { running: None, others, route: Some(route), .. } = way else { return Ok(None) };
     if let Some(stopped) = &way.stopped {
         return Err(stopped.clone());
@@ -193,7 +202,7 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
             "no bridge runs the route: it was taken out of {node}, which runs what else {} has",
             route.file
         );
-        return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
+        return Err(Finding::new(CauseCode::NoBridge, what, "whoever took it out", remedy));
     }
     let remedy = format!("wrapyfi bridge --config {}", route.file);
     if let Some(others) = others {
@@ -212,14 +221,14 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
             format!("; or {}", not_active(State::Unconfigured, node, mapping).remedy)
         });
         let remedy = remedy + &begins.unwrap_or_default();
-        return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
+        return Err(Finding::new(CauseCode::NoBridge, what, "a bridge", remedy));
     }
     let Some(destination) = destination else { return Ok(Some(MAY_RUN.to_owned())) };
-    let (at_destination, at_source) = roles(way.is_service);
-    let tells = |end: &End| end.address.middleware != "zeromq";
+    let (at_destination, at_source) = (way.interaction.provider(), way.interaction.taker());
+    let tells = |end: &WayEnd| conventions(&end.address.middleware).shows_publishers;
     let seen = source.of(at_source).next().is_some()
         || destination.of(at_destination).next().is_some()
-        || !destination.servers.iter().all(|check| check.answer == Answer::Open)
+        || !destination.servers.iter().all(|check| check.answer == ConnectOutcome::Open)
         || (!tells(source) && !tells(destination));
     if seen {
         return Ok(Some(MAY_RUN.to_owned()));
@@ -228,28 +237,31 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
         "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",
         source.address, destination.address
     );
-    Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
+    Err(Finding::new(CauseCode::NoBridge, what, "a bridge", remedy))
 }
 
 /// Other bridges that run the route, or whose node has the same name.
-pub(super) fn several(way: &Way, ends: &[&End]) -> Step {
+pub(super) fn several(way: &Way, ends: &[&WayEnd]) -> StepResult {
     let Way { node, also, route, .. } = way;
     let who = "whoever starts the bridges";
     if !also.is_empty() {
         let count = also.len() + 1;
         let names = [std::slice::from_ref(node), also].concat().join(", ");
-        let each = if way.is_service { "a call may be made" } else { "each message comes" };
+        let each = match way.interaction {
+            Interaction::Topic => "each message comes",
+            Interaction::Service | Interaction::Action => "a call may be made",
+        };
         let key = way.running.as_ref().filter(|_| route.is_none()).map(|it| format!(" {}", it.key));
         let key = key.unwrap_or_default();
         let what = format!("{count} bridges run the route{key}, {names}: {each} {count} times");
         let remedy = "end all of them but one, or take the route out of their files";
-        return Err(Finding::new(Cause::SeveralBridges, what, who, remedy));
+        return Err(Finding::new(CauseCode::SeveralBridges, what, who, remedy));
     }
     let Some(RouteFacts { is_own, .. }) = route else { return Ok(()) };
     // Each bridge publishes its status once; one that looks does not see its own.
     let status = format!("{node}/status");
-    let is_status = |end: &&End| end.address.middleware == "ros2";
-    let named = |end: &End| {
+    let is_status = |end: &&WayEnd| end.address.middleware == GRAPH;
+    let named = |end: &WayEnd| {
         let of_name = end.found.iter().filter(|one| one.name == status);
         of_name.filter(|one| one.role == Role::Publisher).count()
     };
@@ -257,5 +269,5 @@ pub(super) fn several(way: &Way, ends: &[&End]) -> Step {
     if bridges <= usize::from(!is_own) {
         return Ok(());
     }
-    Err(Finding::new(Cause::SameNode, same_node(node), who, OTHER_NODE))
+    Err(Finding::new(CauseCode::SameNode, same_node(node), who, OTHER_NODE))
 }

@@ -1,12 +1,14 @@
-//! Findings that the configuration alone tells: a definition that nobody has, names that a pattern leaves out, its limit.
+//! Findings that the configuration alone tells: a definition that no program has, names that a pattern leaves out, its
+//! limit.
 
+use wrapyfi_endpoint::CauseCode;
 use wrapyfi_engine::LeftOut;
 
 use super::state::{broken, has_rival};
-use super::{Cause, Finding, RouteFacts, Step, Way};
+use super::{Finding, RouteFacts, StepResult, Way};
 
 /// Causes that the file alone tells.
-pub(super) fn of_file(route: &RouteFacts) -> Step {
+pub(super) fn of_file(route: &RouteFacts) -> StepResult {
     defined(&route.undefined)?;
     let (name, file) = (&route.name, &route.file);
     if let Some((topic, why)) = &route.left_out {
@@ -30,13 +32,13 @@ pub(super) fn of_file(route: &RouteFacts) -> Step {
                 ),
             ),
         };
-        return Err(Finding::new(Cause::LeftOut, what, "the pattern", remedy));
+        return Err(Finding::new(CauseCode::LeftOut, what, "the pattern", remedy));
     }
     Ok(())
 }
 
 /// Limit of a pattern, where it leaves out the name that is asked for.
-pub(super) fn limit(route: &RouteFacts) -> Step {
+pub(super) fn limit(route: &RouteFacts) -> StepResult {
     let (name, file) = (&route.name, &route.file);
     match route.limit {
         Some((limit, names)) if names > limit => {
@@ -44,7 +46,7 @@ pub(super) fn limit(route: &RouteFacts) -> Step {
                 if limit == 1 { "1 route is".to_owned() } else { format!("{limit} routes are") };
             let what = format!("{names} names match {name}, and {routes} its limit");
             let remedy = format!("write `max_routes: {names}` or more on the pattern in {file}");
-            Err(Finding::new(Cause::Limit, what, "the pattern", remedy))
+            Err(Finding::new(CauseCode::Limit, what, "the pattern", remedy))
         }
         _ => Ok(()),
     }
@@ -55,13 +57,13 @@ pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
     let is_rivalled = way.running.as_ref().is_some_and(has_rival);
     let parameter = match finding.cause {
         _ if is_rivalled => return with_file(finding, way),
-        Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
-        Cause::NoRoute => {
+        CauseCode::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
+        CauseCode::NoRoute => {
             "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
         }
-        Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
-        Cause::Limit => "take fewer names by `allow` of its parameters",
-        Cause::Type | Cause::Qos | Cause::Drops | Cause::RateLimit => {
+        CauseCode::State if broken(way).is_err() => "take the name into `deny` of its parameters",
+        CauseCode::Limit => "take fewer names by `allow` of its parameters",
+        CauseCode::Type | CauseCode::Qos | CauseCode::Drops | CauseCode::RateLimit => {
             return with_file(finding, way);
         }
         _ => return finding,
@@ -82,7 +84,7 @@ fn with_file(finding: Finding, way: &Way) -> Finding {
 }
 
 /// Definition of a type: the one that is missing, and why.
-pub(super) fn defined(undefined: &Option<(String, String)>) -> Step {
+pub(super) fn defined(undefined: &Option<(String, String)>) -> StepResult {
     let Some((type_name, reason)) = undefined else { return Ok(()) };
     let package = type_name.split('/').next().unwrap_or(type_name);
     let what = format!("nobody here has a definition of {type_name}: {reason}");
@@ -91,5 +93,5 @@ pub(super) fn defined(undefined: &Option<(String, String)>) -> Step {
         "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
          folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
     );
-    Err(Finding::new(Cause::Definition, what, who, remedy))
+    Err(Finding::new(CauseCode::Definition, what, who, remedy))
 }

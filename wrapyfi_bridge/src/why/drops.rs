@@ -15,7 +15,7 @@ pub(super) fn count(route: &RouteInfo, reason: DropReason) -> u64 {
     drops(route).find(|(other, _)| *other == reason).map_or(0, |(_, count)| count)
 }
 
-/// Meaning of a reason, to follow "because"; `None` where nobody misses what is dropped for it, or it is no message.
+/// Meaning of a reason, to follow "because"; `None` where no user misses what is dropped for it, or it is no message.
 pub(super) fn meaning(reason: DropReason) -> Option<&'static str> {
     use DropReason as R;
     Some(match reason {

@@ -4,13 +4,13 @@
 use std::time::Duration;
 
 use tracing_subscriber::util::SubscriberInitExt as _;
-use wrapyfi_endpoint::{Discovered, Middleware as _, Wake};
-use wrapyfi_ros2::Ros2;
+use wrapyfi_endpoint::{CauseCode, Discovered, Middleware as _, Wake};
 use wrapyfi_ros2::environment::MAX_DOMAIN_ID;
+use wrapyfi_ros2::{Ros2, Ros2Section};
 
 use super::look::Wanted;
 use super::{Elsewhere, Graph, running};
-use crate::middlewares::{Ros2Section, ros2_elsewhere};
+use crate::middlewares::ros2_elsewhere;
 
 /// Time for which the own domain is looked at again, as far as multicast reaches.
 pub(super) const WIDE: Duration = Duration::from_millis(450);
@@ -31,12 +31,14 @@ pub(super) fn look(
     let own = graph.domain_id;
     let found = in_each(section, graph, wide, &|ros2| one(ros2, wanted, is_over));
     let told = |(domain, endpoint): (u32, Discovered)| {
-        let (place, remedy) = match wide {
+        let (cause, place, remedy) = match wide {
             true => (
+                CauseCode::DiscoveryRange,
                 "the same domain on another machine".to_owned(),
                 format!("{} where the bridge starts (it has {} now)", graph.widening, graph.range),
             ),
             false => (
+                CauseCode::OtherDomain,
                 format!("domain {domain}"),
                 format!(
                     "export ROS_DOMAIN_ID={domain} where the bridge starts (or `endpoints: {{ ros2: {{ \
@@ -44,7 +46,7 @@ pub(super) fn look(
                 ),
             ),
         };
-        Elsewhere { place, remedy, endpoint }
+        Elsewhere { cause, place, remedy, endpoint }
     };
     found.into_iter().map(told).collect()
 }

@@ -1,42 +1,35 @@
 //! Walk along a way: what is in place, and the first thing that is missing. Pure.
 //!
 //! ```text
-//!   route: definition, pattern ─▶ source: server, somebody there, address, type, mapping, quality of service
+//!   route: definition, pattern ─▶ source: server, a program there, address, type, mapping, quality of service
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_endpoint::{AnnouncedQos, Discovered, Role, mismatches};
+use wrapyfi_endpoint::{CauseCode, Discovered, Interaction, Role};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
-use wrapyfi_ros2::remedy;
-use wrapyfi_yarp_endpoint as yarp;
 
-use crate::middlewares::Server;
+use crate::middlewares::conventions;
+use crate::node::GRAPH;
 
 use super::board::lacks_clients;
 use super::bridges::{
     brought_by_pattern, elsewhere, inactive, lacking, matched_without_route, other_master, several,
 };
 use super::configured::{by_parameters, defined, limit, of_file};
-use super::ends::is_told;
-use super::reach::{opened, reachable};
-use super::server_check::{Answer, ServerCheck};
+use super::reach::opened;
+use super::server_check::{ConnectOutcome, ServerCheck};
 use super::state::{
-    broken, brought, counted, flows, has_rival, hears_others, is_carried, is_met, is_provider,
-    is_used, other_mapping, rate, refused, refused_alone, runs, state, unopened,
+    broken, brought, counted, flows, has_rival, hears_others, is_carried, is_met, is_used, rate,
+    refused, refused_alone, runs, state, unopened,
 };
 use super::stopped::with_stopped_programs;
-use super::words::{
-    between, example, is_same_type, nobody, owner, people, provider, same_name_differently,
-    types_differ,
-};
-use super::{
-    Board, Cause, Diagnosis, Elsewhere, End, Finding, Graph, Registered, Step, Way, roles,
-};
+use super::words::{example, nobody, owner, people, provider, same_name_differently};
+use super::{Board, Diagnosis, Elsewhere, Finding, Graph, StepResult, Way, WayEnd};
 
 /// Steps of a walk: what is in place, until something is not.
-struct Walk<'w> {
-    way: &'w Way,
-    passed: Vec<String>,
+pub(super) struct Walk<'w> {
+    pub(super) way: &'w Way,
+    pub(super) passed: Vec<String>,
 }
 
 /// Walks along the way.
@@ -45,6 +38,12 @@ pub fn judge(way: &Way) -> Diagnosis {
     let finding = inactive(way)
         .or_else(|| walk.walk().err())
         .map(|finding| with_stopped_programs(finding, way));
+    // The nearer cause hides it: it is seen again once that is mended.
+    let is_hidden = finding.as_ref().is_some_and(|it| it.cause != CauseCode::SeveralBridges);
+    if is_hidden && !way.also.is_empty() {
+        let hidden = several(way, &[]).err();
+        walk.passed.extend(hidden.map(|it| format!("{}; {}", it.what, it.remedy)));
+    }
     let finding = finding.map(|finding| match way.is_of_parameters {
         true => by_parameters(finding, way),
         false => finding,
@@ -56,16 +55,16 @@ pub fn judge(way: &Way) -> Diagnosis {
 /// publishers; a node of the bridge on ROS 1 is `wrapyfi_` and a number.
 pub(super) fn may_be_bridge(one: &Discovered, middleware: &str, own: &str) -> bool {
     match (&one.node, middleware) {
-        (Some(node), "ros2") => node == own,
-        (Some(node), "ros") => {
-            node.rsplit('/').next().is_some_and(|last| last.starts_with("wrapyfi_"))
+        (Some(node), GRAPH) => node == own,
+        (Some(node), _) if conventions(middleware).has_ros_names => {
+            wrapyfi_ros1::is_anonymous(node)
         }
         _ => true,
     }
 }
 
 impl Walk<'_> {
-    fn walk(&mut self) -> Step {
+    fn walk(&mut self) -> StepResult {
         let way = self.way;
         if let Some(route) = &way.route {
             of_file(route)?;
@@ -80,7 +79,7 @@ impl Walk<'_> {
             return Err(found);
         }
         let Some(source) = &way.source else { return Ok(()) };
-        let (provider, taker) = roles(way.is_service);
+        let (provider, taker) = (way.interaction.provider(), way.interaction.taker());
         self.side(source)?;
         let is_brought = brought(way, &source.address).is_some();
         if way.route.is_none() && !is_brought && !is_met(way, &source.address, provider) {
@@ -89,7 +88,7 @@ impl Walk<'_> {
         }
         self.somebody(source, provider)?;
         other_master(way, source)?;
-        // Of a name that nobody has, the limit is no reason.
+        // Of a name that no program has, the limit is no reason.
         way.route.as_ref().map_or(Ok(()), limit)?;
         self.reached(source, provider)?;
         self.types(source, provider)?;
@@ -108,12 +107,12 @@ impl Walk<'_> {
                 let who = "the file of the routes";
                 let remedy =
                     format!("write one: {{from: \"{address}\", to: …}}; or correct the name");
-                return Err(Finding::new(Cause::NoRoute, what, who, remedy));
+                return Err(Finding::new(CauseCode::NoRoute, what, who, remedy));
             }
             None => {
                 self.callers(source)?;
                 self.among_themselves(source, provider, taker)?;
-                if !way.is_service {
+                if way.interaction == Interaction::Topic {
                     let nobody = self.somebody(source, taker);
                     // A pattern of the bridge might have listened.
                     nobody
@@ -132,7 +131,7 @@ impl Walk<'_> {
                     return self.board(board, source, destination);
                 }
                 self.passed.extend(lacking(way, source, Some(destination))?);
-                if way.is_service {
+                if way.interaction != Interaction::Topic {
                     self.side(destination)?;
                     self.callers(destination)?;
                     self.passed.extend(state(way)?);
@@ -151,7 +150,7 @@ impl Walk<'_> {
     }
 
     /// A control board: its states, its ports, who takes its movements, and its clients.
-    fn board(&mut self, board: &Board, source: &End, at_board: &End) -> Step {
+    fn board(&mut self, board: &Board, source: &WayEnd, at_board: &WayEnd) -> StepResult {
         let way = self.way;
         self.passed.extend(lacking(way, source, Some(at_board))?);
         self.side(at_board)?;
@@ -175,8 +174,8 @@ impl Walk<'_> {
         several(way, &[source, at_board])
     }
 
-    /// Somebody who takes the messages of a route.
-    fn taken(&mut self, end: &End) -> Step {
+    /// A program who takes the messages of a route.
+    fn taken(&mut self, end: &WayEnd) -> StepResult {
         self.side(end)?;
         other_master(self.way, end)?;
         self.somebody(end, Role::Listener)?;
@@ -185,7 +184,7 @@ impl Walk<'_> {
         self.quality(end, Role::Listener)
     }
 
-    fn pass(&mut self, what: impl Into<String>) {
+    pub(super) fn pass(&mut self, what: impl Into<String>) {
         let what = what.into();
         if !self.passed.contains(&what) {
             self.passed.push(what);
@@ -193,10 +192,10 @@ impl Walk<'_> {
     }
 
     /// The servers of a side, and the side itself.
-    fn side(&mut self, end: &End) -> Step {
+    fn side(&mut self, end: &WayEnd) -> StepResult {
         let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
         // Where another program has a port, no broker can be started.
-        let is_taken = |it: &&ServerCheck| matches!(it.answer, Answer::Foreign(_));
+        let is_taken = |it: &&ServerCheck| matches!(it.answer, ConnectOutcome::Foreign(_));
         for check in end.servers.iter().filter(is_taken).chain(&end.servers) {
             match opened(check, &end.address, self.way) {
                 Ok(()) => self.pass(format!("{} {does}", check.words())),
@@ -229,35 +228,30 @@ impl Walk<'_> {
             }
             let who = "a broker with too much to do, or a machine";
             let remedy = "ask again; `top` shows what keeps the machine busy";
-            return Err(Finding::new(Cause::Slow, what, who, remedy));
+            return Err(Finding::new(CauseCode::Slow, what, who, remedy));
         }
         let remedy = match end.servers.first() {
             _ if end.is_told => {
-                "do what the reason says; keys are those of `endpoints: zeromq: curve`, at the broker and here, and of \
-                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE for what that leaves out"
-                    .to_owned()
-            }
-            Some(_) if away.contains("--insecure") => {
-                "add --insecure to this command, where the network may be trusted".to_owned()
+                let keys =
+                    conventions(middleware).keys.map(|keys| format!("; keys are those of {keys}"));
+                format!("do what the reason says{}", keys.unwrap_or_default())
             }
             Some(check) => format!(
                 "look what runs on port {} of {}; it has to be a {}, which goes on with kill -CONT PID where it is stopped",
-                check.address.port,
-                check.address.host,
-                check.address.server
+                check.address.port, check.address.host, check.address.server
             ),
-            None if middleware == yarp::NAME => {
-                "start a name server: yarpserver --write, or wrapyfi yarpserver --write where there is no YARP; or find the one that runs: \
-                 wrapyfi detect --write".to_owned()
-            }
-            None => "see the reason; `wrapyfi list` shows the same".to_owned(),
+            None => conventions(middleware)
+                .name_service
+                .and_then(|server| server.find)
+                .unwrap_or("see the reason; `wrapyfi list` shows the same")
+                .to_owned(),
         };
         let who = format!("the settings of {middleware}, or its server");
-        Err(Finding::new(Cause::Middleware, what, who, remedy))
+        Err(Finding::new(CauseCode::Middleware, what, who, remedy))
     }
 
-    /// Somebody in a role at an end.
-    fn somebody(&mut self, end: &End, role: Role) -> Step {
+    /// A program in a role at an end.
+    fn somebody(&mut self, end: &WayEnd, role: Role) -> StepResult {
         let address = &end.address;
         match end.names {
             None => {}
@@ -293,11 +287,11 @@ impl Walk<'_> {
         if let Some(unheard) = unheard {
             let (cause, what) = match unheard.circle.is_empty() {
                 true => (
-                    Cause::OwnPublication,
+                    CauseCode::OwnPublication,
                     format!("{nobody} but this bridge, which ignores its own publications"),
                 ),
                 false => (
-                    Cause::Cycle,
+                    CauseCode::Cycle,
                     format!(
                         "the routes of the file make a circle: {}",
                         unheard.circle.join(" -> ")
@@ -308,10 +302,11 @@ impl Walk<'_> {
             return Err(Finding::new(cause, what, who, unheard.text.clone()));
         }
         let is_own = self.way.route.as_ref().is_some_and(|route| route.is_own);
-        let elsewhere = match address.middleware == "ros" && !is_own {
-            true => "; or this shell has another ROS_MASTER_URI than the bridge",
-            false => "",
-        };
+        let server = conventions(&address.middleware).name_service;
+        let variable = server.and_then(|it| it.server_variable).filter(|_| !is_own);
+        let elsewhere = variable
+            .map(|it| format!("; or this shell has another {it} than the bridge"))
+            .unwrap_or_default();
         let forgotten = |server: &str| {
             format!(
                 "{nobody} that the {server} knows: where it was restarted, who comes new does not find {} until that is \
@@ -321,7 +316,7 @@ impl Walk<'_> {
         };
         if !there.is_empty() {
             let found = format!("{address} has {}", people(&there, role));
-            let server = registry(end).filter(|_| end.is_unregistered && is_provider(role));
+            let server = registry(end).filter(|_| end.is_unregistered && role.is_provider());
             self.pass(match server {
                 Some(server) => format!("{found}, but {}", forgotten(server)),
                 None => found,
@@ -338,38 +333,39 @@ impl Walk<'_> {
         }
         // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
         let is_believed = match is_bare {
-            true => address.middleware != "ros2" || flows(self.way),
+            true => address.middleware != GRAPH || flows(self.way),
             // A broker of others does not tell who listens, but to who publishes; who publishes, only messages tell.
-            false if address.middleware == "zeromq" => {
+            false if !conventions(&address.middleware).shows_publishers => {
                 role != Role::Publisher || hears_others(self.way)
             }
-            false => registry(end).is_some() || (is_provider(role) && flows(self.way)),
+            // A look that another finding ended may have missed who is there.
+            false => {
+                registry(end).is_some() || ((role.is_provider() || end.is_cut) && flows(self.way))
+            }
         };
         if is_believed && is_met(self.way, address, role) {
             let has = match is_carried(self.way) && !is_bare {
                 true => "messages pass".to_owned(),
                 false => format!("the bridge {} has it", self.way.node),
             };
-            // Of a mere name the bridge is one that takes it; readers of a port of YARP are told to nobody.
-            let is_told = !is_bare && address.middleware != yarp::NAME;
-            self.pass(match registry(end).filter(|_| is_told || is_provider(role)) {
+            // Of a mere name the bridge is one that takes it; readers of a port of YARP are not announced.
+            let is_told = !is_bare && server.is_some_and(|it| it.knows_listeners);
+            self.pass(match registry(end).filter(|_| is_told || role.is_provider()) {
                 Some(server) => format!("{has}, but {}", forgotten(server)),
                 None => has,
             });
             return Ok(());
         }
-        // Services of ZeroMQ have no names: whoever answers at the broker is one.
-        if self.way.is_service && address.middleware == "zeromq" {
+        // Services of ZeroMQ have no names: the program that answers at the broker is one.
+        if self.way.interaction != Interaction::Topic
+            && !conventions(&address.middleware).has_service_names
+        {
             return Ok(());
         }
         if let Some(found) = same_name_differently(end, role) {
             return Err(found);
         }
-        if let Some(Elsewhere { place, remedy, endpoint }) = end.elsewhere.first() {
-            let cause = match place.starts_with("domain") {
-                true => Cause::OtherDomain,
-                false => Cause::DiscoveryRange,
-            };
+        if let Some(Elsewhere { cause, place, remedy, endpoint }) = end.elsewhere.first() {
             let here = end
                 .graph
                 .as_ref()
@@ -378,13 +374,13 @@ impl Walk<'_> {
                 "{nobody} here{here}; in {place} there is {}",
                 people(&[endpoint], endpoint.role)
             );
-            return Err(Finding::new(cause, what, owner(endpoint), remedy.clone()));
+            return Err(Finding::new(*cause, what, owner(endpoint), remedy.clone()));
         }
         if let Some(unresolved) = end.graph.as_ref().and_then(|graph| graph.unresolved.first()) {
             let what = format!("{nobody}, and {unresolved}");
             let remedy = "write its address in /etc/hosts, or in place of the name".to_owned();
             let who = "whoever knows the machine's address";
-            return Err(Finding::new(Cause::UnresolvedHost, what, who, remedy));
+            return Err(Finding::new(CauseCode::UnresolvedHost, what, who, remedy));
         }
         if let Some(Graph {
             range: range @ ("OFF" | "LOCALHOST"), range_setting, widening, ..
@@ -396,210 +392,28 @@ impl Walk<'_> {
             let remedy = format!("{}; or {widening} at both ends", example(end, role, None));
             // A program on this machine would have been seen.
             let cause = match *range {
-                "OFF" => Cause::DiscoveryRange,
+                "OFF" => CauseCode::DiscoveryRange,
                 _ => cause_of_nobody(role),
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        let mut remedy = example(end, role, self.way.running.as_ref().and_then(unopened));
-        if is_bare && role == Role::Publisher && address.middleware == "zeromq" {
-            // It sends nothing before somebody listens.
+        let mut remedy =
+            example(end, role, self.way.running.as_ref().and_then(unopened).as_deref());
+        if is_bare && role == Role::Publisher && !conventions(&address.middleware).shows_publishers
+        {
+            // It sends nothing before a program listens.
             remedy = format!("{remedy}, and beside it: wrapyfi echo {address}");
         }
         let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
-        let nobody = match is_provider(role) {
+        let nobody = match role.is_provider() {
             true => brought_by_pattern(self.way, nobody),
             false => nobody,
         };
         Err(refused_alone(self.way, role, nobody))
     }
 
-    /// Addresses of those who are there.
-    fn reached(&mut self, end: &End, role: Role) -> Step {
-        let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
-        let there = registered.iter().find(|one| reachable(end, one).is_ok());
-        for one in &registered {
-            let Err(gone) = reachable(end, one) else { continue };
-            // What it was registered for is known to pass: another one of its name does that. One that hangs keeps its
-            // connections, and only what comes tells.
-            if is_carried(self.way) && (flows(self.way) || one.answer != Answer::AcceptsOnly) {
-                self.pass(format!("messages pass all the same, but {}", gone.what));
-                return Ok(());
-            }
-            if there.is_none() {
-                return Err(gone);
-            }
-            self.pass(gone.what);
-        }
-        if let Some(Registered { host, port, .. }) = there {
-            self.pass(format!("{host}:{port} answers"));
-        }
-        Ok(())
-    }
-
-    /// Types of those who are there.
-    fn types(&mut self, end: &End, role: Role) -> Step {
-        let wanted = end.type_name.as_ref().filter(|it| is_told(it, &end.address));
-        let Some(wanted) = wanted else { return Ok(()) };
-        let told: Vec<&Discovered> = end.of(role).filter(|one| one.type_name.is_some()).collect();
-        let Some(first) = told.first() else { return Ok(()) };
-        let same = |one: &&Discovered| {
-            one.type_name.as_deref().is_none_or(|theirs| is_same_type(theirs, wanted))
-        };
-        if told.iter().any(same) {
-            self.pass(format!("its type is {wanted}"));
-            return Ok(());
-        }
-        // The type of a port of YARP is the one that its name tells.
-        if end.address.middleware == yarp::NAME && flows(self.way) {
-            return Ok(());
-        }
-        let theirs = first.type_name.as_deref().unwrap_or_default();
-        let verb = if role == Role::Listener { "wants" } else { "has" };
-        let what = format!(
-            "{} on {} {verb} type {theirs}, the route has {wanted}",
-            owner(first),
-            end.address
-        );
-        let file =
-            self.way.route.as_ref().map_or(String::new(), |route| format!(" in {}", route.file));
-        let remedy = match end.learned {
-            Some(_) => {
-                format!("make it {wanted} there: that is what the source of the route sends")
-            }
-            None => format!("write `type: {theirs}` on the route{file}, or make it {wanted} there"),
-        };
-        Err(Finding::new(Cause::Type, what, "the route, or that program", remedy))
-    }
-
-    /// Mapping of services to DDS.
-    fn mapping(&mut self, end: &End) -> Step {
-        let Way { running, foreign, node, .. } = self.way;
-        // The bridge that runs the route may have another mapping than this program, and tells what it lacks.
-        let told = running.as_ref().and_then(other_mapping);
-        let of_bridge = self.way.route.as_ref().and(running.as_ref()).and(foreign.get(node));
-        let seen = end.foreign.filter(|(theirs, _)| of_bridge != Some(theirs));
-        let Some((theirs, ours)) = told.or(seen) else { return Ok(()) };
-        let server = end.of(Role::Server).next();
-        let what = format!(
-            "{} speaks {}, and services are mapped in the way of {} {}: requests of one are not \
-             understood by the other",
-            server.map_or_else(|| format!("the server of {}", end.address), owner),
-            theirs.rmw(),
-            ours.rmw(),
-            if told.is_some() { "in the bridge" } else { "here" }
-        );
-        let is_bridge = told.is_some() || self.way.route.is_some();
-        let here = if is_bridge { "where the bridge starts" } else { "here" };
-        let remedy = format!(
-            "export RMW_IMPLEMENTATION={} {here} (or {} where the server does)",
-            theirs.rmw(),
-            ours.rmw()
-        );
-        Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
-    }
-
-    /// Mapping of services to DDS of those who call.
-    fn callers(&mut self, end: &End) -> Step {
-        let address = &end.address;
-        let Some((theirs, servers)) = end.clients else {
-            let served = end.foreign.map(|(server, _)| server.rmw());
-            let needs = |rmw| {
-                format!("who calls {address} needs RMW_IMPLEMENTATION={rmw}, unlike this shell")
-            };
-            self.passed.extend(served.map(needs));
-            return Ok(());
-        };
-        let mut clients = end.of(Role::Client);
-        let who = match (clients.next(), clients.next()) {
-            (Some(only), None) => owner(only),
-            _ => "one of its clients".to_owned(),
-        };
-        let server = if self.way.route.is_some() { "bridge" } else { "server" };
-        let (theirs, servers) = (theirs.rmw(), servers.rmw());
-        let what = format!(
-            "{who} speaks {theirs}, and {address} is served in the way of {servers}: requests of one are not \
-             understood by the other"
-        );
-        let remedy = format!(
-            "export RMW_IMPLEMENTATION={theirs} where the {server} starts, or {servers} where {who} does"
-        );
-        Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
-    }
-
-    /// Quality of service of those who are there, against that of the route.
-    fn quality(&mut self, end: &End, role: Role) -> Step {
-        let Some(own) = &end.qos else { return Ok(()) };
-        let awaits_publisher = role == Role::Publisher;
-        let told: Vec<_> = end.of(role).filter_map(|one| Some((one, one.qos?))).collect();
-        let unmet = |theirs: &AnnouncedQos| match awaits_publisher {
-            true => mismatches(theirs, &AnnouncedQos::from(*own)),
-            false => mismatches(&AnnouncedQos::from(*own), theirs),
-        };
-        if told.is_empty() || told.iter().any(|(_, qos)| unmet(qos).is_empty()) {
-            if !told.is_empty() {
-                self.pass("its quality of service fits");
-            }
-            return Ok(());
-        }
-        let Some((one, theirs)) = told.first() else { return Ok(()) };
-        let Some(policy) = unmet(theirs).first().copied() else { return Ok(()) };
-        let (verb, verb_ours) =
-            if awaits_publisher { ("offers", "asks for") } else { ("asks for", "offers") };
-        let what = format!(
-            "{} of {} {verb} {}, the route {verb_ours} {}",
-            owner(one),
-            end.address,
-            policy.value(theirs),
-            policy.value(&AnnouncedQos::from(*own))
-        );
-        let remedy =
-            format!("leave out `qos` on the route, or {}", remedy(policy, awaits_publisher, own));
-        Err(Finding::new(Cause::Qos, what, "the route, or that program", remedy))
-    }
-
-    /// Types and quality of service of the programs at one endpoint.
-    fn among_themselves(&mut self, end: &End, provider: Role, taker: Role) -> Step {
-        let takers: Vec<_> = end.of(taker).collect();
-        let pairs = end.of(provider).flat_map(|one| takers.iter().map(move |other| (one, *other)));
-        let pairs: Vec<_> = pairs.collect();
-        let Some((one, other)) = pairs.first() else { return Ok(()) };
-        let mut typed = pairs.iter().filter(|(one, other)| !types_differ(one, other)).peekable();
-        let Some((first, second)) = typed.peek() else {
-            let name = |one: &Discovered| one.type_name.clone().unwrap_or_default();
-            let what = format!(
-                "{} has type {}, {} wants {}",
-                owner(one),
-                name(one),
-                owner(other),
-                name(other)
-            );
-            let remedy = "give both the same type, or one of them another name";
-            return Err(Finding::new(Cause::Type, what, "either program", remedy));
-        };
-        let (one, other) = (*first, *second);
-        let unmet = |one: &Discovered, other: &Discovered| match (one.qos, other.qos) {
-            (Some(offered), Some(asked)) => mismatches(&offered, &asked),
-            _ => Vec::new(),
-        };
-        if typed.any(|(one, other)| unmet(one, other).is_empty()) {
-            self.pass("type and quality of service fit");
-            return Ok(());
-        }
-        let (Some(offered), Some(asked)) = (one.qos, other.qos) else { return Ok(()) };
-        let Some(policy) = unmet(one, other).first().copied() else { return Ok(()) };
-        let what = format!(
-            "{} offers {}, {} asks for {}",
-            owner(one),
-            policy.value(&offered),
-            owner(other),
-            policy.value(&asked)
-        );
-        Err(Finding::new(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
-    }
-
     /// Messages that come.
-    fn messages(&mut self, source: &End) -> Step {
+    fn messages(&mut self, source: &WayEnd) -> StepResult {
         if source.heard > 0 {
             self.pass(format!("{} messages came while we listened", source.heard));
         }
@@ -619,7 +433,7 @@ impl Walk<'_> {
             );
             let remedy = "do what the reason says; where it names nothing, the broker or this machine is busy: ask again";
             let who = "the broker, or the keys of this shell";
-            return Err(Finding::new(Cause::Middleware, what, who, remedy));
+            return Err(Finding::new(CauseCode::Middleware, what, who, remedy));
         }
         let publisher = source.of(Role::Publisher).next();
         let not_taken = publisher.and_then(|it| it.traffic).map_or(0, |traffic| traffic.not_taken);
@@ -632,12 +446,17 @@ impl Walk<'_> {
             );
             let remedy = "a greater `max_message_mib` on a route of the bridge that runs the broker, as many MiB as they \
                           have (`wrapyfi broker` takes 64), or smaller messages";
-            return Err(Finding::new(Cause::Drops, what, "the broker, or the publisher", remedy));
+            return Err(Finding::new(
+                CauseCode::Drops,
+                what,
+                "the broker, or the publisher",
+                remedy,
+            ));
         }
         // A broker tells what came on a topic, not whether who sent it is there still.
-        let idle = match source.address.middleware.as_str() {
-            "zeromq" => "its publisher is idle, or has ended: a broker does not tell which",
-            _ => "the connection is open and idle",
+        let idle = match conventions(&source.address.middleware).shows_publishers {
+            false => "its publisher is idle, or has ended: a broker does not tell which",
+            true => "the connection is open and idle",
         };
         let what = format!(
             "everything is in place, and no message came on {} within {} ms: {idle}",
@@ -647,21 +466,21 @@ impl Walk<'_> {
         let who = publisher.map_or_else(|| "its publisher".to_owned(), owner);
         let remedy =
             format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
-        Err(Finding::new(Cause::Idle, what, who, remedy))
+        Err(Finding::new(CauseCode::Idle, what, who, remedy))
     }
 }
 
 /// Name of the server at which those who have the name of an end are registered, where there is one.
-fn registry(end: &End) -> Option<&'static str> {
-    let is_registry = |server: &Server| matches!(server, Server::Master | Server::NameServer);
-    end.servers.iter().map(|check| check.address.server).find(is_registry).map(Server::name)
+fn registry(end: &WayEnd) -> Option<&'static str> {
+    conventions(&end.address.middleware).name_service?;
+    end.servers.first().map(|check| check.address.server.name())
 }
 
-fn cause_of_nobody(role: Role) -> Cause {
+fn cause_of_nobody(role: Role) -> CauseCode {
     match role {
-        Role::Publisher => Cause::NobodyPublishes,
-        Role::Server => Cause::NobodyOffers,
-        Role::Listener | Role::Client => Cause::NobodyListens,
+        Role::Publisher => CauseCode::NobodyPublishes,
+        Role::Server | Role::ActionServer => CauseCode::NobodyOffers,
+        Role::Listener | Role::Client | Role::ActionClient => CauseCode::NobodyListens,
     }
 }
 

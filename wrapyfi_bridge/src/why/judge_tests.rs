@@ -1,18 +1,20 @@
 use std::time::Duration;
 
-use wrapyfi_endpoint::{EndpointAddress, Qos, QosPreset, Reliability, Traffic};
+use wrapyfi_endpoint::{
+    Absent, AnnouncedQos, Cause, EndpointAddress, Named, Qos, QosPreset, Reliability, Traffic,
+};
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
-use wrapyfi_engine::{LeftOut, TO_BE_ACTIVATED};
-use wrapyfi_ros2::SPEAKS_NOT;
-use wrapyfi_yarp_endpoint::UNOPENED;
+use wrapyfi_engine::LeftOut;
 
-use super::super::server_check::Answer;
+use super::super::Registered;
+use super::super::server_check::ConnectOutcome;
 use super::super::{RouteFacts, Unheard};
 use super::*;
 use crate::middlewares::{Reach, Server, ServerAddress};
+use crate::on_graph::info::caused;
 use crate::why::ServerCheck;
 
 #[path = "judge_bridge_tests.rs"]
@@ -45,7 +47,7 @@ fn listener(name: &str) -> Discovered {
 
 /// A route from ROS 2 to ROS 1 that lacks nothing: a bridge runs it.
 fn whole() -> Way {
-    let mut source = End::new(address("ros2:/in"));
+    let mut source = WayEnd::new(address("ros2:/in"));
     source.type_name = Some(TEXT.to_owned());
     source.graph = Some(Graph {
         domain_id: 3,
@@ -57,9 +59,9 @@ fn whole() -> Way {
     });
     source.found = vec![publisher("/in"), listener("/in")];
     (source.silent, source.heard) = (Some(Duration::from_millis(600)), 4);
-    let mut destination = End::new(address("ros:/out"));
+    let mut destination = WayEnd::new(address("ros:/out"));
     destination.type_name = Some(TEXT.to_owned());
-    destination.servers = vec![master("127.0.0.1", Answer::Open, true)];
+    destination.servers = vec![master("127.0.0.1", ConnectOutcome::Open, true)];
     destination.found = vec![publisher("/out"), listener("/out")];
     Way {
         title: "talk".to_owned(),
@@ -73,7 +75,7 @@ fn whole() -> Way {
 fn server_check(
     server: Server,
     host: &str,
-    answer: Answer,
+    answer: ConnectOutcome,
     is_here: bool,
     is_own: bool,
 ) -> ServerCheck {
@@ -83,17 +85,17 @@ fn server_check(
     ServerCheck { address, answer, is_here, greeting: None }
 }
 
-fn master(host: &str, answer: Answer, is_here: bool) -> ServerCheck {
+fn master(host: &str, answer: ConnectOutcome, is_here: bool) -> ServerCheck {
     server_check(Server::Master, host, answer, is_here, false)
 }
 
-fn of_source(change: impl FnOnce(&mut End)) -> Way {
+fn of_source(change: impl FnOnce(&mut WayEnd)) -> Way {
     let mut way = whole();
     change(way.source.as_mut().unwrap());
     way
 }
 
-fn of_destination(change: impl FnOnce(&mut End)) -> Way {
+fn of_destination(change: impl FnOnce(&mut WayEnd)) -> Way {
     let mut way = whole();
     change(way.destination.as_mut().unwrap());
     way
@@ -105,14 +107,14 @@ fn of_route(change: impl FnOnce(&mut RouteFacts)) -> Way {
     way
 }
 
-fn registered(role: Role, host: &str, is_told_afar: bool, answer: Answer) -> Registered {
+fn registered(role: Role, host: &str, is_told_afar: bool, answer: ConnectOutcome) -> Registered {
     let (who, host) = ("/ear".to_owned(), host.to_owned());
     Registered { role, who, host, port: 4711, is_told_afar, answer }
 }
 
-fn elsewhere(place: &str) -> Elsewhere {
+fn elsewhere(cause: CauseCode, place: &str) -> Elsewhere {
     let remedy = "export ROS_DOMAIN_ID=4".to_owned();
-    Elsewhere { place: place.to_owned(), remedy, endpoint: publisher("/in") }
+    Elsewhere { cause, place: place.to_owned(), remedy, endpoint: publisher("/in") }
 }
 
 #[test]
@@ -140,7 +142,7 @@ fn a_publisher_that_is_not_the_bridge_is_heard_beside_a_route_that_is_not() {
         way
     };
     let cause = |way: &Way| judge(way).finding.map(|found| found.cause);
-    assert_eq!(cause(&way_of("/wrapyfi_bridge")), Some(Cause::OwnPublication));
+    assert_eq!(cause(&way_of("/wrapyfi_bridge")), Some(CauseCode::OwnPublication));
     assert_eq!(cause(&way_of("/talker")), None);
 }
 
@@ -149,7 +151,7 @@ fn an_endpoint_that_no_route_of_the_file_means_lacks_a_route() {
     let way =
         Way { route: None, destination: None, without_route: Some("b.yaml".to_owned()), ..whole() };
     let found = judge(&way).finding.unwrap();
-    assert_eq!(found.cause, Cause::NoRoute);
+    assert_eq!(found.cause, CauseCode::NoRoute);
     assert!(found.what.contains("no route of b.yaml") && found.what.contains("ros2:/in"));
 }
 
@@ -163,8 +165,9 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         }),
         ..endpoint("/in", role, TEXT, QosPreset::Default)
     };
-    let unresolved = || Answer::Unresolved("host name \"robot\" does not resolve".to_owned());
-    let nobody = |end: &mut End| end.found.retain(|one| one.role != Role::Publisher);
+    let unresolved =
+        || ConnectOutcome::Unresolved("host name \"robot\" does not resolve".to_owned());
+    let nobody = |end: &mut WayEnd| end.found.retain(|one| one.role != Role::Publisher);
     let heard = Unheard {
         node: "/wrapyfi_bridge".to_owned(),
         text: "write a route from a to c".to_owned(),
@@ -177,35 +180,40 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
     for (way, cause, what, remedy) in [
         (
             of_route(|it| it.undefined = Some(("demo/msg/Odd".into(), "not found".into()))),
-            Cause::Definition,
+            CauseCode::Definition,
             "demo/msg/Odd",
             "definitions: [DIR]",
         ),
         (
             of_route(|it| it.left_out = Some(("ros:/raw".into(), LeftOut::Denied("raw".into())))),
-            Cause::LeftOut,
+            CauseCode::LeftOut,
             "left out by deny",
             "take \"raw\" out of `deny` in b.yaml",
         ),
         (
             of_route(|it| it.left_out = Some(("a -> b".into(), LeftOut::Written("cam".into())))),
-            Cause::LeftOut,
+            CauseCode::LeftOut,
             "the route cam has one of its ends",
             "wrapyfi why \"cam\" --config b.yaml",
         ),
         (
             of_route(|it| it.left_out = Some(("ros:/_x".into(), LeftOut::ByDefault))),
-            Cause::LeftOut,
+            CauseCode::LeftOut,
             "by default",
             "default_deny: false",
         ),
-        (of_route(|it| it.limit = Some((2, 9))), Cause::Limit, "9 names match", "max_routes: 9"),
+        (
+            of_route(|it| it.limit = Some((2, 9))),
+            CauseCode::Limit,
+            "9 names match",
+            "max_routes: 9",
+        ),
         (
             of_source(|it| {
                 it.servers =
                     vec![server_check(Server::Broker, "robot", unresolved(), false, false)];
             }),
-            Cause::UnresolvedHost,
+            CauseCode::UnresolvedHost,
             "does not resolve",
             "hosts: { robot: ADDRESS }",
         ),
@@ -215,52 +223,68 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 it.graph.as_mut().unwrap().unresolved =
                     vec!["the host \"robot\" is unknown".into()];
             }),
-            Cause::UnresolvedHost,
+            CauseCode::UnresolvedHost,
             "nobody publishes ros2:/in, and the host \"robot\" is unknown",
             "/etc/hosts",
         ),
         (
             of_source(|it| {
-                it.servers =
-                    vec![server_check(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
+                it.servers = vec![server_check(
+                    Server::Broker,
+                    "127.0.0.1",
+                    ConnectOutcome::Refused,
+                    true,
+                    true,
+                )];
             }),
-            Cause::ServerAway,
+            CauseCode::ServerAway,
             "nothing listens on port 5555",
             "wrapyfi bridge --config b.yaml",
         ),
         (
             of_source(|it| {
-                it.servers =
-                    vec![server_check(Server::Broker, "10.0.0.2", Answer::Refused, false, false)];
+                it.servers = vec![server_check(
+                    Server::Broker,
+                    "10.0.0.2",
+                    ConnectOutcome::Refused,
+                    false,
+                    false,
+                )];
             }),
-            Cause::LoopbackElsewhere,
+            CauseCode::LoopbackElsewhere,
             "listens on 127.0.0.1 of that machine alone",
             "on 10.0.0.2: start ZeroMQ broker",
         ),
         (
-            of_destination(|it| it.servers = vec![master("127.0.0.1", Answer::Refused, true)]),
-            Cause::ServerAway,
+            of_destination(|it| {
+                it.servers = vec![master("127.0.0.1", ConnectOutcome::Refused, true)];
+            }),
+            CauseCode::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
             "start ROS 1 master",
         ),
         (
             Way {
                 route: None,
-                ..of_destination(|it| it.servers = vec![master("127.0.0.1", Answer::Refused, true)])
+                ..of_destination(|it| {
+                    it.servers = vec![master("127.0.0.1", ConnectOutcome::Refused, true)];
+                })
             },
-            Cause::ServerAway,
+            CauseCode::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
             "a name of ROS 2 is written ros2:/",
         ),
         (
-            of_destination(|it| it.servers = vec![master("10.0.0.2", Answer::Silent, false)]),
-            Cause::ServerAway,
+            of_destination(|it| {
+                it.servers = vec![master("10.0.0.2", ConnectOutcome::Silent, false)];
+            }),
+            CauseCode::ServerAway,
             "a firewall is between",
             "ping 10.0.0.2",
         ),
         (
             of_destination(|it| it.away = Some("no answer from master".into())),
-            Cause::Middleware,
+            CauseCode::Middleware,
             "ros does not work: no answer from master",
             "it has to be a ROS 1 master",
         ),
@@ -269,7 +293,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 (it.away, it.is_told) = (Some("no answer from broker".into()), true);
                 it.slow = Some(Duration::from_millis(1800));
             }),
-            Cause::Slow,
+            CauseCode::Slow,
             "greets as a ZeroMQ broker does, and had no time for us in 1800 ms",
             "ask again",
         ),
@@ -277,13 +301,13 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             of_destination(|it| {
                 (it.away, it.is_told) = (Some("no answer from broker: keys".into()), true);
             }),
-            Cause::Middleware,
+            CauseCode::Middleware,
             "no answer from broker: keys",
             "do what the reason says",
         ),
         (
             of_source(nobody),
-            Cause::NobodyPublishes,
+            CauseCode::NobodyPublishes,
             "nobody publishes ros2:/in",
             "wrapyfi pub ros2:/in --type Text --value '\"hello\"'",
         ),
@@ -292,7 +316,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 nobody(it);
                 it.found.push(publisher("/In"));
             }),
-            Cause::OtherName,
+            CauseCode::OtherName,
             "ros2:/In has 1 publisher (/publisher_node): the name differs by capital letters",
             "write ros2:/In instead of ros2:/in",
         ),
@@ -301,25 +325,28 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 nobody(it);
                 it.found.push(publisher("/lab/in"));
             }),
-            Cause::OtherName,
+            CauseCode::OtherName,
             "the name differs by its namespace",
             "ros2:/lab/in",
         ),
         (
             of_source(|it| {
                 nobody(it);
-                it.elsewhere = vec![elsewhere("domain 4")];
+                it.elsewhere = vec![elsewhere(CauseCode::OtherDomain, "domain 4")];
             }),
-            Cause::OtherDomain,
+            CauseCode::OtherDomain,
             "here (domain 3); in domain 4 there is 1 publisher",
             "ROS_DOMAIN_ID=4",
         ),
         (
             of_source(|it| {
                 nobody(it);
-                it.elsewhere = vec![elsewhere("the same domain on another machine")];
+                it.elsewhere = {
+                    let place = "the same domain on another machine";
+                    vec![elsewhere(CauseCode::DiscoveryRange, place)]
+                };
             }),
-            Cause::DiscoveryRange,
+            CauseCode::DiscoveryRange,
             "on another machine there is 1 publisher",
             "export",
         ),
@@ -329,7 +356,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 let graph = it.graph.as_mut().unwrap();
                 (graph.range, graph.range_setting) = ("OFF", "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF");
             }),
-            Cause::DiscoveryRange,
+            CauseCode::DiscoveryRange,
             "nobody but itself (ROS_AUTOMATIC_DISCOVERY_RANGE=OFF)",
             "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
         ),
@@ -339,7 +366,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 way.route.as_mut().unwrap().unheard = Some(heard);
                 way
             },
-            Cause::OwnPublication,
+            CauseCode::OwnPublication,
             "but this bridge, which ignores its own publications",
             "write a route from a to c",
         ),
@@ -349,16 +376,16 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 way.route.as_mut().unwrap().unheard = Some(circle);
                 way
             },
-            Cause::Cycle,
+            CauseCode::Cycle,
             "a circle: ros2:/in -> zeromq:/x -> ros2:/in",
             "write a route from a to c",
         ),
         (
             of_destination(|it| {
-                let answer = Answer::Refused;
+                let answer = ConnectOutcome::Refused;
                 it.registered = vec![registered(Role::Listener, "127.0.0.1", true, answer)];
             }),
-            Cause::LoopbackAddress,
+            CauseCode::LoopbackAddress,
             "/ear has registered ros:/out at 127.0.0.1:4711, an address of its own machine alone",
             "export ROS_IP=ADDRESS where /ear runs",
         ),
@@ -366,41 +393,41 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             of_destination(|it| {
                 it.registered = vec![registered(Role::Listener, "arm", true, unresolved())];
             }),
-            Cause::UnresolvedHost,
+            CauseCode::UnresolvedHost,
             "/ear has registered ros:/out at arm:4711",
             "hosts: { arm: ADDRESS }",
         ),
         (
             of_destination(|it| {
-                let answer = Answer::Refused;
+                let answer = ConnectOutcome::Refused;
                 it.registered = vec![registered(Role::Listener, "127.0.0.1", false, answer)];
             }),
-            Cause::PeerUnreachable,
+            CauseCode::PeerUnreachable,
             "it was killed, and its name remains",
             "rosnode cleanup",
         ),
         (
             of_source(|it| it.type_name = Some("std_msgs/msg/Int32".into())),
-            Cause::Type,
+            CauseCode::Type,
             "/publisher_node on ros2:/in has type std_msgs/msg/String, the route has std_msgs/msg/Int32",
             "write `type: std_msgs/msg/String` on the route in b.yaml",
         ),
         (
             {
                 let mut way = whole();
-                way.is_service = true;
+                way.interaction = Interaction::Service;
                 let source = way.source.as_mut().unwrap();
                 source.found = vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
                 source.foreign = Some((ServiceMapping::FastDds, ServiceMapping::Cyclone));
                 way
             },
-            Cause::ServiceMapping,
+            CauseCode::ServiceMapping,
             "/server_node speaks rmw_fastrtps_cpp",
             "export RMW_IMPLEMENTATION=rmw_fastrtps_cpp where the bridge starts",
         ),
         (
             of_source(|it| it.undefined = Some(("demo/msg/Odd".into(), "not found".into()))),
-            Cause::Definition,
+            CauseCode::Definition,
             "nobody here has a definition of demo/msg/Odd",
             "--definitions DIR",
         ),
@@ -410,7 +437,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 it.found.push(best_effort(Role::Publisher));
                 it.qos = Some(Qos::default());
             }),
-            Cause::Qos,
+            CauseCode::Qos,
             "/publisher_node of ros2:/in offers best effort, the route asks for reliable",
             "leave out `qos` on the route, or make the publisher reliable",
         ),
@@ -420,7 +447,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 way.destination.as_mut().unwrap().found = vec![listener("/out")];
                 way
             },
-            Cause::NoBridge,
+            CauseCode::NoBridge,
             "no bridge runs the route",
             "wrapyfi bridge --config b.yaml",
         ),
@@ -430,13 +457,13 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                 let way = of_source(|it| it.names = Some(1));
                 Way { destination: None, others: Some(std::collections::BTreeMap::new()), ..way }
             },
-            Cause::NoBridge,
+            CauseCode::NoBridge,
             "no bridge runs the route: none is on the graph of ROS 2",
             "wrapyfi bridge --config b.yaml",
         ),
         (
             of_destination(|it| it.found.retain(|one| one.role != Role::Listener)),
-            Cause::NobodyListens,
+            CauseCode::NobodyListens,
             "nobody listens to ros:/out",
             "wrapyfi echo ros:/out --type std_msgs/msg/String",
         ),
@@ -447,13 +474,13 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
                     one.traffic = Some(Traffic { messages: 0, bytes: 0, not_taken: 8 });
                 }
             }),
-            Cause::Drops,
+            CauseCode::Drops,
             "the broker did not take 8 messages on ros2:/in",
             "max_message_mib",
         ),
         (
             of_source(|it| it.heard = 0),
-            Cause::Idle,
+            CauseCode::Idle,
             "no message came on ros2:/in within 600 ms: the connection is open and idle",
             "wrapyfi echo ros2:/in",
         ),
@@ -469,7 +496,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
 
 #[test]
 fn two_programs_at_one_topic_are_compared_with_each_other() {
-    let way = |change: &dyn Fn(&mut End)| {
+    let way = |change: &dyn Fn(&mut WayEnd)| {
         let mut way = of_source(|it| it.type_name = None);
         change(way.source.as_mut().unwrap());
         Way { route: None, destination: None, ..way }
@@ -480,7 +507,7 @@ fn two_programs_at_one_topic_are_compared_with_each_other() {
             vec![publisher("/in"), endpoint("/in", Role::Listener, "a/msg/B", QosPreset::Default)];
     }));
     let found = other_type.finding.unwrap();
-    assert_eq!(found.cause, Cause::Type);
+    assert_eq!(found.cause, CauseCode::Type);
     assert!(
         found.what.contains("has type std_msgs/msg/String, /listener_node wants a/msg/B"),
         "{found:?}"
@@ -490,7 +517,7 @@ fn two_programs_at_one_topic_are_compared_with_each_other() {
         it.found = vec![publisher("/in"), latched];
     }));
     let found = quality.finding.unwrap();
-    assert_eq!(found.cause, Cause::Qos);
+    assert_eq!(found.cause, CauseCode::Qos);
     assert!(
         found.what.contains("offers volatile, /listener_node asks for transient local"),
         "{found:?}"
@@ -498,19 +525,29 @@ fn two_programs_at_one_topic_are_compared_with_each_other() {
     let wanted = "make the publisher transient local, or make the subscriber volatile";
     assert_eq!(found.remedy, wanted);
     let alone = judge(&way(&|it| it.found = vec![publisher("/in")]));
-    assert_eq!(alone.finding.unwrap().cause, Cause::NobodyListens);
+    assert_eq!(alone.finding.unwrap().cause, CauseCode::NobodyListens);
 }
 
 /// A status of the route in a bridge.
-fn running(state: &str, reason: &str, received: u64, sent: u64) -> Option<RouteInfo> {
-    let [state, reason] = [state, reason].map(str::to_owned);
-    Some(RouteInfo {
-        key: "lamp".to_owned(),
-        state,
-        reason,
-        received,
-        sent,
-        ..RouteInfo::default()
+fn running(state: &str, cause: Option<Cause>, received: u64, sent: u64) -> Option<RouteInfo> {
+    let (key, state) = ("lamp".to_owned(), state.to_owned());
+    let info = RouteInfo { key, state, received, sent, ..RouteInfo::default() };
+    Some(match cause {
+        Some(cause) => caused(info, Some(&cause)),
+        None => info,
+    })
+}
+
+/// Cause that no program is there in a role at an address.
+fn absent(role: Role, at: &str) -> Option<Cause> {
+    Some(Absent::at(role, &address(at)).into())
+}
+
+/// Cause that a server does not answer.
+fn away(server: &str) -> Option<Cause> {
+    Some(Cause::ServerAway {
+        server: Named { words: server.to_owned(), address: String::new() },
+        detail: String::new(),
     })
 }
 
@@ -539,10 +576,11 @@ fn who_sees_this_machine_alone_is_told_the_variable_that_counts() {
 #[test]
 fn a_zenoh_router_that_is_missing_is_the_finding() {
     let found = of_source(|end| {
-        end.servers = vec![server_check(Server::Router, "localhost", Answer::Refused, true, false)];
+        end.servers =
+            vec![server_check(Server::Router, "localhost", ConnectOutcome::Refused, true, false)];
     });
     let found = judge(&found).finding.unwrap();
-    assert_eq!(found.cause, Cause::ServerAway);
+    assert_eq!(found.cause, CauseCode::ServerAway);
     let what =
         "Zenoh router localhost:5555 does not answer: nothing listens on port 5555 of this machine";
     assert_eq!((found.what.as_str(), found.remedy.as_str()), (what, "start Zenoh router"));

@@ -4,7 +4,7 @@
 //!   servers ─ closed: that is all    open ─▶ discovery until it has told, or TIMEOUT ─▶ End
 //!                                            ├ ROS 1, YARP: addresses that were registered
 //!                                            ├ ROS 2: mapping of services, other domains
-//!                                            └ messages, where somebody publishes
+//!                                            └ messages, where a program publishes
 //! ```
 
 use std::sync::Arc;
@@ -12,11 +12,12 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::driver::Purpose;
 use wrapyfi_endpoint::{
-    AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
-    QosPreset, Registry, Role, TopicSpec, Wake,
+    AnnouncedDurability, Context, Discovered, EndpointAddress, Interaction, LearnError, Learned,
+    Middleware, QosPreset, Registry, Role, TopicSpec, Wake,
 };
-use wrapyfi_engine::Kind;
+use wrapyfi_engine::RouteTypes;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros1::Ros1;
 use wrapyfi_ros2::environment::{self, DiscoveryRange};
@@ -25,20 +26,20 @@ use wrapyfi_ros2::{Ros2, unresolved_peers};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
-use wrapyfi_yarp_endpoint as yarp;
 
-use super::names::name_difference;
-use super::server_check::{Answer, ServerCheck, connect};
-use super::{End, Graph, Registered, TIMEOUT, elsewhere, roles};
+use super::server_check::{ConnectOutcome, ServerCheck, connect};
+use super::{Graph, Registered, TIMEOUT, WayEnd, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
-use crate::middlewares::{self, Endpoints, Observer, Server};
+use crate::middlewares::{self, Endpoints, Observer, Server, conventions};
+use crate::near_names::{beside, name_difference};
+use crate::node::GRAPH;
 use crate::on_graph::client::{mappings, only_foreign};
 
 /// Time between two looks.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
-/// Time after which a name that nobody has in the own domain of ROS 2 is looked for in others, too: some nodes answer a
-/// new one after a second.
+/// Time after which a name that no program has in the own domain of ROS 2 is looked for in others, too: some nodes
+/// answer a new one after a second.
 const HERE_AT_FIRST: Duration = Duration::from_millis(200);
 /// Time for which the names of nodes, and clients, are waited for: some tell theirs a second after their endpoints. What
 /// is left of two seconds is for listening.
@@ -67,49 +68,51 @@ pub(super) struct Wanted {
     pub(super) address: EndpointAddress,
     /// Role of who has to be there.
     pub(super) role: Role,
-    pub(super) is_service: bool,
     /// True where the type is what the source announces.
     pub(super) is_learned: bool,
     /// True where messages are to be listened for.
     pub(super) listens: bool,
-    /// Messages or requests that a route has there by its configuration.
-    pub(super) given: Option<Kind>,
+    /// Types that a route has there by its configuration.
+    pub(super) given: Option<RouteTypes>,
     /// True where the name may as well be that of a service.
     pub(super) is_open: bool,
 }
 
 impl Wanted {
-    /// A question about who publishes or offers.
-    pub(super) fn new(address: EndpointAddress, is_service: bool) -> Self {
-        let role = if is_service { Role::Server } else { Role::Publisher };
+    /// A question about who has the role.
+    pub(super) fn new(address: EndpointAddress, role: Role) -> Self {
         let (is_learned, listens, given, is_open) = (false, false, None, false);
-        Self { address, role, is_service, is_learned, listens, given, is_open }
+        Self { address, role, is_learned, listens, given, is_open }
     }
 
-    /// True where somebody has the name in the role.
-    fn is_there(&self, end: &End) -> bool {
+    /// True for a service or an action.
+    fn is_called(&self) -> bool {
+        self.role.interaction() != Interaction::Topic
+    }
+
+    /// True where a program has the name in the role.
+    fn is_there(&self, end: &WayEnd) -> bool {
         end.found.iter().any(|one| self.is_met(one))
     }
 
-    /// True where somebody has the name in the role, and more is to be told of it: the name of a node, or who takes
+    /// True where a program has the name in the role, and more is to be told of it: the name of a node, or who takes
     /// from it, where it is asked about by its mere name.
-    fn is_half_told(&self, end: &End) -> bool {
-        let lacks = |(provider, taker)| {
-            let mut of_provider = end.of(provider);
-            of_provider.next().is_some() && end.of(taker).next().is_none()
+    fn is_half_told(&self, end: &WayEnd) -> bool {
+        let lacks = |one: Interaction| {
+            end.of(one.provider()).next().is_some() && end.of(one.taker()).next().is_none()
         };
-        let is_alone = self.is_open && [false, true].map(roles).into_iter().any(lacks);
+        let is_alone = self.is_open && Interaction::ALL.into_iter().any(lacks);
         is_alone || end.found.iter().any(|one| self.is_met(one) && one.node.is_none())
     }
 
     /// True for an endpoint that has the name in the role.
     pub(super) fn is_met(&self, one: &Discovered) -> bool {
-        let is_role = one.role == self.role || (self.is_open && one.role == Role::Server);
+        let is_role = one.role == self.role || (self.is_open && one.role.is_provider());
         one.name == self.address.name && is_role
     }
 }
 
-/// Place from which somebody looks: a command, or a bridge with the middlewares that it has.
+/// Place from which a program looks: a command, or a bridge with the middlewares that it has.
 #[derive(Clone, Copy)]
 pub struct Sight<'s> {
     /// Settings of the middlewares.
@@ -118,7 +121,7 @@ pub struct Sight<'s> {
     pub bridge: Option<&'s Registry>,
     /// ROS 2 of a command that looks at several places.
     pub ros2: Option<&'s Arc<Ros2>>,
-    /// True once another look has found what is missing: nobody waits for the rest.
+    /// True once another look has found what is missing: no caller waits for the rest.
     pub is_answered: &'s AtomicBool,
 }
 
@@ -131,12 +134,11 @@ impl<'s> Sight<'s> {
 
     fn open(&self, middleware: &str) -> Result<Observer> {
         let of_bridge = self.bridge.and_then(|registry| registry.get(middleware).ok());
-        match (of_bridge, self.ros2.filter(|_| middleware == "ros2")) {
+        match (of_bridge, self.ros2.filter(|_| middleware == GRAPH)) {
             // Who is registered at a master is what a node of its own asks.
             (Some(of_bridge), _) => {
-                let ros1 =
-                    (middleware == "ros").then(|| middlewares::observer(self.endpoints, "ros"));
-                Ok((Arc::clone(of_bridge), ros1.and_then(|observer| observer.ok()?.1)))
+                let ros1 = middlewares::ros1_observer(self.endpoints, middleware);
+                Ok((Arc::clone(of_bridge), ros1.transpose().ok().flatten()))
             }
             (None, Some(ros2)) => Ok((Arc::clone(ros2) as Arc<dyn Middleware>, None)),
             (None, None) => middlewares::observer(self.endpoints, middleware),
@@ -145,11 +147,12 @@ impl<'s> Sight<'s> {
 }
 
 /// Finds out about one end.
-pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> End {
+pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> WayEnd {
     let (endpoints, looked_since) = (sight.endpoints, Instant::now());
-    let mut end = End::new(wanted.address.clone());
+    let mut end = WayEnd::new(wanted.address.clone());
     let middleware = wanted.address.middleware.as_str();
-    match middlewares::server_addresses(endpoints, middleware, wanted.is_service) {
+    let habits = conventions(middleware);
+    match endpoints.servers(middleware, wanted.role.interaction()) {
         Ok(servers) => {
             // Side by side: a name that does not resolve takes its time.
             end.servers = std::thread::scope(|scope| {
@@ -166,22 +169,19 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         end.servers.iter_mut().for_each(ServerCheck::ask_kind);
     }
     // Services of ZeroMQ have no names to be found.
-    if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
+    if !end.is_open() || (!habits.has_service_names && wanted.is_called()) {
         let is_own = !end.is_open() && end.servers.iter().any(|check| check.address.is_own);
-        let zeromq = &endpoints.zeromq;
-        let config = || zeromq.checked(zeromq.config(None, 0, &endpoints.hosts)?);
+        let purpose = Purpose::Routes { has_services: false, is_reached: true };
+        let config = || endpoints.plan(middleware, 0, purpose);
         // The bridge that would run the broker does not start with the settings here.
-        if middleware == "zeromq"
-            && is_own
-            && let Err(fault) = config()
-        {
+        if is_own && let Err(fault) = config() {
             (end.servers, end.away, end.is_told) = (Vec::new(), Some(fault.to_string()), true);
         }
         return end;
     }
-    end.graph = (middleware == "ros2").then(|| graph(endpoints));
+    end.graph = (middleware == GRAPH).then(|| graph(endpoints));
     let opened = sight.open(middleware).map_err(|fault| {
-        end.is_told = middleware == "zeromq" && matches!(fault, Failure::Usage(_));
+        end.is_told = matches!(fault, Failure::Usage(_));
         fault.to_string()
     });
     let discovered = opened.and_then(|(observer, ros1)| {
@@ -195,6 +195,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
             return end;
         }
     };
+    end.is_untyped = observer.routing_properties().untyped;
     if let (Some(graph), Some(carrier)) = (&mut end.graph, discovery.carried_by()) {
         carrier.clone_into(&mut graph.carried_by);
     }
@@ -213,7 +214,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     };
     // Until all is told: who is missing is as telling as who is there.
     let mut side = DiscoveryWatch::new(discovery);
-    let is_sought = middleware == "ros2" && wanted.role != Role::Client;
+    let is_sought = middleware == GRAPH && wanted.role != Role::Client;
     let mut seen = watch(&mut end, &mut side, |end, told| {
         let is_late = is_sought && begin.elapsed() >= HERE_AT_FIRST && !wanted.is_there(end);
         let is_named = !is_sought || begin.elapsed() >= NAMED_WITHIN || !wanted.is_half_told(end);
@@ -228,7 +229,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         let is_over = || is_there.load(Relaxed) || is_over();
         std::thread::scope(|scope| {
             let far =
-                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false, &is_over));
+                scope.spawn(|| elsewhere::look(&endpoints.ros2(), &graph, wanted, false, &is_over));
             seen = watch(&mut end, &mut side, |end, told| {
                 let is_met = wanted.is_there(end);
                 is_there.fetch_or(is_met, Relaxed);
@@ -257,16 +258,16 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     }
     tidy(&mut end);
     let mut wanted = wanted.clone();
-    if wanted.is_open && is_service(&end) {
-        (wanted.is_service, wanted.role, end.is_service) = (true, Role::Server, true);
+    if let Some(interaction) = called_as(&end).filter(|_| wanted.is_open) {
+        (wanted.role, end.interaction) = (interaction.provider(), interaction);
     }
     let wanted = &wanted;
     addresses(&mut end, endpoints, ros1.as_deref());
-    if let (Some(ros2), true) = (sight.ros2, middleware == "ros2" && wanted.is_service) {
+    if let (Some(ros2), true) = (sight.ros2, middleware == GRAPH && wanted.role == Role::Server) {
         mapping(&mut end, ros2.graph().as_ref());
     }
     // The master of ROS 1 does not tell the types of services: their servers do.
-    if wanted.is_learned || (wanted.is_service && end.address.middleware == "ros") {
+    if wanted.is_learned || (wanted.is_called() && ros1.is_some()) {
         learn(&mut end, observer.as_ref(), wanted, types);
     }
     if let Some(ros1) = ros1 {
@@ -275,7 +276,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if wanted.listens {
         if end.of(Role::Publisher).next().is_some() {
             listen(&mut end, observer.as_ref(), types, looked_since + MOST);
-        } else if middleware == "zeromq" {
+        } else if !habits.shows_publishers {
             listen_beside(&mut end, observer.as_ref(), looked_since + MOST);
         }
     }
@@ -285,16 +286,16 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     end
 }
 
-/// Looks as far as multicast reaches for somebody who is missing where this program sees less; true where it did. An end
-/// of the domain that is open in this process would have it see as little as that.
-pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bool {
+/// Looks as far as multicast reaches for a program that is missing where this program sees less; true where it did. An
+/// end of the domain that is open in this process would have it see as little as that.
+pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut WayEnd) -> bool {
     let is_missing = wanted.role != Role::Client && !wanted.is_there(end) && !end.is_cut;
     let Some(graph) = end.graph.as_ref().filter(|graph| is_missing && graph.is_narrow()) else {
         return false;
     };
     let until = Instant::now() + elsewhere::WIDE;
     let is_over = || Instant::now() >= until;
-    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, wanted, true, &is_over));
+    end.elsewhere.extend(elsewhere::look(&endpoints.ros2(), graph, wanted, true, &is_over));
     true
 }
 
@@ -321,7 +322,7 @@ pub(super) fn graph(endpoints: &Endpoints) -> Graph {
         true => "unset ROS_LOCALHOST_ONLY",
         false => "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
     };
-    let (domain_id, range) = (endpoints.ros2.domain_id(domain_id), range.word());
+    let (domain_id, range) = (endpoints.ros2().domain_id(domain_id), range.word());
     Graph {
         domain_id,
         range,
@@ -334,9 +335,9 @@ pub(super) fn graph(endpoints: &Endpoints) -> Graph {
 
 /// Looks until `is_over`, which is told whether the side has told all.
 fn watch(
-    end: &mut End,
+    end: &mut WayEnd,
     side: &mut DiscoveryWatch,
-    mut is_over: impl FnMut(&End, bool) -> bool,
+    mut is_over: impl FnMut(&WayEnd, bool) -> bool,
 ) -> Result<(), String> {
     let wake = Wake::new();
     let begin = Instant::now();
@@ -355,7 +356,10 @@ fn watch(
             return match waits {
                 Some(what) => Err(format!("no answer from {what}")),
                 // Its table would have come, or what passes on one that has no table.
-                None if is_new && !told && end.address.middleware == "zeromq" => {
+                None if is_new
+                    && !told
+                    && !conventions(&end.address.middleware).shows_publishers =>
+                {
                     Err("no word from the broker of what passes there".to_owned())
                 }
                 None => Ok(()),
@@ -365,43 +369,46 @@ fn watch(
     }
 }
 
-/// True where the name, or else one that is nearly it, is that of a service and of no topic.
-fn is_service(end: &End) -> bool {
+/// Interaction of the service or action, and of no topic, that has the name, or else one that is nearly it.
+fn called_as(end: &WayEnd) -> Option<Interaction> {
     let name = &end.address.name;
-    let with = |roles: [Role; 2], is_meant: &dyn Fn(&str) -> bool| {
-        end.found.iter().any(|one| roles.contains(&one.role) && is_meant(&one.name))
+    let with = |interaction: Interaction, is_meant: &dyn Fn(&str) -> bool| {
+        end.found.iter().any(|one| one.role.interaction() == interaction && is_meant(&one.name))
     };
-    let (topic, service) = ([Role::Publisher, Role::Listener], [Role::Server, Role::Client]);
+    let topic = Interaction::Topic;
     let is_it = |other: &str| other == name;
     let is_near = |other: &str| name_difference(name, other).is_some();
-    let is_topic = with(topic, &is_it);
-    !is_topic && (with(service, &is_it) || (with(service, &is_near) && !with(topic, &is_near)))
+    let is_called = |interaction: &Interaction| {
+        with(*interaction, &is_it) || (with(*interaction, &is_near) && !with(topic, &is_near))
+    };
+    let mut called = [Interaction::Action, Interaction::Service].into_iter().filter(is_called);
+    called.next().filter(|_| !with(topic, &is_it))
 }
 
 /// Names as routes and commands have them: ours of ROS 2 are no foreign endpoints, and frames on ZeroMQ
 /// that look like a compressed image are one of the two kinds of images.
-fn tidy(end: &mut End) {
-    let is_zeromq = end.address.middleware == "zeromq";
+fn tidy(end: &mut WayEnd) {
+    let is_guessed = !conventions(&end.address.middleware).shows_publishers;
     for one in &mut end.found {
-        if is_zeromq && one.type_name.as_deref() == Some("CompressedImage") {
+        if is_guessed && one.type_name.as_deref() == Some("CompressedImage") {
             one.type_name = Some("Image".to_owned());
         }
     }
 }
 
-/// Addresses that were registered under the name, and whether somebody is there.
-fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
+/// Addresses that were registered under the name, and whether a program is there.
+fn addresses(end: &mut WayEnd, endpoints: &Endpoints, ros1: Option<&Ros1>) {
     let is_afar = end.servers.iter().any(|check| !check.is_here);
     let name = end.address.name.clone();
-    let mut all = match (ros1, end.address.middleware.as_str()) {
-        (Some(ros1), _) => match ros1.registered(&name) {
+    let mut all = match ros1 {
+        Some(ros1) => match ros1.registered(&name) {
             Ok(found) => found
                 .into_iter()
                 .map(|one| (one.role, one.node, one.host, one.port))
                 .collect::<Vec<_>>(),
             Err(_) => Vec::new(),
         },
-        (None, yarp::NAME) => {
+        None => {
             let roles = [Role::Publisher, Role::Server, Role::Listener];
             let there = roles.iter().find_map(|role| end.of(*role).next());
             let role = there.map_or(Role::Publisher, |one| one.role);
@@ -412,7 +419,6 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             end.is_unregistered = is_provided && found.is_none();
             found.into_iter().map(|(host, port)| (role, owner.clone(), host, port)).collect()
         }
-        _ => return,
     };
     // Nodes that were killed: their names remain, and discovery leaves them out.
     for (role, node, ..) in &all {
@@ -429,8 +435,8 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             .map(|(role, who, host, port)| {
                 scope.spawn(move || {
                     let answer = match connect(&host, port, &endpoints.hosts) {
-                        Answer::Open if !answers(ros1, &who, &host, port, endpoints) => {
-                            Answer::AcceptsOnly
+                        ConnectOutcome::Open if !answers(ros1, &who, &host, port, endpoints) => {
+                            ConnectOutcome::AcceptsOnly
                         }
                         answer => answer,
                     };
@@ -442,8 +448,8 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
     });
 }
 
-/// True where whoever accepts connections at a registered address answers: on ROS 1 the API of the node, else the port of
-/// YARP.
+/// True where the program that accepts connections at a registered address answers: on ROS 1 the API of the node, else
+/// the port of YARP.
 fn answers(ros1: Option<&Ros1>, node: &str, host: &str, port: u16, endpoints: &Endpoints) -> bool {
     match ros1 {
         Some(ros1) => ros1.answers_within(LISTEN, node),
@@ -478,24 +484,28 @@ pub(super) fn port(
 
 /// Mapping of the servers, where all of them have another than this node, and that of a client whom no server
 /// understands.
-fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
+fn mapping(end: &mut WayEnd, ros2: &dyn graph::Graph) {
     let of = |is_client| mappings(ros2, &end.address.name, is_client);
     let (ours, servers) = (ros2.service_mapping(), of(false));
     let first = servers.first().copied();
-    let client = of(true).into_iter().find(|one| !servers.contains(one));
+    let client = of(true).into_iter().find(|one| servers.iter().all(|it| it != one));
     end.foreign = only_foreign(ours, &servers).zip(ours);
     end.clients = client.zip(first);
 }
 
 /// Type that is announced or shown, and its definition.
-fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
+fn learn(end: &mut WayEnd, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
     let Some(one) = end.of(wanted.role).next().cloned() else { return };
-    let mut learn = || match wanted.is_service {
-        true => {
+    let mut learn = || match wanted.role.interaction() {
+        Interaction::Service => {
             let kind = middleware.learn_service(&one, types);
             kind.map(|kind| (Some(kind.ros_type().to_owned()), None))
         }
-        false => {
+        Interaction::Action => {
+            let kind = middleware.learn_action(&one, types);
+            kind.map(|kind| (Some(kind.name().to_owned()), None))
+        }
+        Interaction::Topic => {
             let told = middleware.learn_topic(&one, types);
             told.map(|told| (None, Some(told.message_type(false))))
         }
@@ -523,37 +533,36 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
 }
 
 /// Fields that a route loses there because the definitions of ROS 1 and ROS 2 differ.
-fn differences(end: &End, ros1: &Ros1, wanted: &Wanted, types: &mut TypeStore) -> Vec<String> {
+fn differences(end: &WayEnd, ros1: &Ros1, wanted: &Wanted, types: &mut TypeStore) -> Vec<String> {
     // A publisher shows its definition when it is asked for its type.
-    let shown = end.of(wanted.role).next().and_then(|one| match wanted.is_service {
-        true => ros1.learn_service(one, types).ok().map(Kind::Service),
-        false => {
+    let shown = end.of(wanted.role).next().and_then(|one| match wanted.role.interaction() {
+        Interaction::Service => ros1.learn_service(one, types).ok().map(RouteTypes::Service),
+        Interaction::Action => None,
+        Interaction::Topic => {
             let begin = Instant::now();
             let mut told = ros1.learn_topic(one, types);
             while matches!(told, Err(LearnError::Asked(_))) && begin.elapsed() < LISTEN {
                 std::thread::sleep(LOOK);
                 told = ros1.learn_topic(one, types);
             }
-            Some(Kind::Topic(told.ok()?.message_type(true).into()))
+            Some(RouteTypes::Topic(told.ok()?.message_type(true).into()))
         }
     });
     match wanted.given.or(shown) {
-        Some(Kind::Topic(carried)) => {
+        Some(RouteTypes::Topic(carried)) => {
             ros1.with_types(|types| wrapyfi_ros1::differences::of_topic(types, carried.to))
         }
-        Some(Kind::Service(kind)) => {
+        Some(RouteTypes::Service(kind)) => {
             ros1.with_types(|types| wrapyfi_ros1::differences::of_service(types, kind))
         }
-        None => Vec::new(),
+        Some(RouteTypes::Action(_)) | None => Vec::new(),
     }
 }
 
 /// Listens until `until`, for a while at most, to the name with a slash more or less: a publisher of ZeroMQ sends, and
-/// shows, only what somebody is subscribed to.
-fn listen_beside(end: &mut End, middleware: &dyn Middleware, until: Instant) {
-    let name = &end.address.name;
-    let beside = name.strip_prefix('/').map_or_else(|| format!("/{name}"), str::to_owned);
-    let spec = TopicSpec::new(beside, MessageType::NativeObject);
+/// shows, only what a program is subscribed to.
+fn listen_beside(end: &mut WayEnd, middleware: &dyn Middleware, until: Instant) {
+    let spec = TopicSpec::new(beside(&end.address.name), MessageType::NativeObject);
     let context = Context::default();
     let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
     let until = until.min(Instant::now() + LISTEN);
@@ -568,7 +577,7 @@ fn listen_beside(end: &mut End, middleware: &dyn Middleware, until: Instant) {
 
 /// Listens for a while, until `until` where nothing comes, where that tells anything: a publisher that keeps its last
 /// message sends seldom.
-fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore, until: Instant) {
+fn listen(end: &mut WayEnd, middleware: &dyn Middleware, types: &mut TypeStore, until: Instant) {
     let keeps = |one: &Discovered| {
         one.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile)
     };
@@ -597,5 +606,5 @@ fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore, unt
         context.wake.wait(LOOK);
     }
     end.silent = Some(begin.elapsed());
-    end.unconnected = listener.link().waiting_for;
+    end.unconnected = listener.link().waiting_for.map(|it| it.to_string());
 }

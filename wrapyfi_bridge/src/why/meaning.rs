@@ -7,26 +7,28 @@
 //! ```
 
 use wrapyfi_endpoint::EndpointAddress;
-use wrapyfi_engine::{Kind, LeftOut, Plan, Route, RouteIndex};
+use wrapyfi_engine::{LeftOut, Plan, Route, RouteIndex};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::running;
 use crate::middlewares::{self, is_ros};
+use crate::near_names::is_absolute;
 use crate::on_graph::info::{is_destination, is_source};
 
-/// Reads an address; ROS 1 is `ros`, and `ros1` as well.
+/// Reads an address; a middleware may be called as its executable is: `ros1` by `ros1_bridge`.
 pub(super) fn address(text: &str) -> Result<EndpointAddress, String> {
     let mut address: EndpointAddress =
         text.parse().map_err(|error: wrapyfi_endpoint::ParseAddressError| error.to_string())?;
-    if address.middleware == "ros1" {
-        address.middleware = "ros".to_owned();
-    }
-    let known = middlewares::names();
-    if !known.contains(&address.middleware.as_str()) {
-        return Err(middlewares::unknown(&address.middleware).to_string());
+    if middlewares::names().iter().all(|known| *known != address.middleware) {
+        let executable = format!("{}_bridge", address.middleware);
+        let all = middlewares::whole_bridges();
+        let Some((name, _)) = all.iter().find(|(_, whole)| whole.executable == executable) else {
+            return Err(middlewares::unknown(&address.middleware).to_string());
+        };
+        address.middleware = (*name).to_owned();
     }
     // Elsewhere a name is what is written.
-    if is_ros(&address) && !address.name.starts_with('/') {
+    if is_ros(&address) && !is_absolute(&address.name) {
         address.name.insert(0, '/');
     }
     Ok(address)
@@ -63,7 +65,7 @@ pub(super) fn route(
         plan.routes.iter().find_map(|pattern| made(pattern, &address))
     };
     // A bridge may have another name for it than the file.
-    let is_written = |one: &&Route| [&one.from, &one.to].contains(&&address);
+    let is_written = |one: &&Route| one.from == address || one.to == address;
     let written = index.written_at(&address).or_else(|| plan.routes.iter().find(is_written));
     let written = written.cloned();
     let any = || make(Route::made_from).or_else(|| make(Route::made_to));
@@ -85,18 +87,15 @@ pub(super) fn left_out(plan: &Plan, address: &EndpointAddress) -> Option<(Route,
     many.find_map(|pattern| Some((pattern.clone(), Some(pattern.left_out_to(&address.name)?))))
 }
 
-/// Route that a pattern makes, by its name: its ends. Topics and services may have the same ones: it is of the kind of
-/// the route that is `running`.
+/// Route that a pattern makes, by its name: its ends. Topics and services may have the same ones: its interaction is that
+/// of the route that is `running`.
 fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<Route> {
-    let (first, second) = name.split_once(" -> ")?;
+    let (first, second) = Route::read_ends(name)?;
     let (first, second) = (address(first).ok()?, address(second).ok()?);
     let is_meant =
-        |pattern: &&Route| running.is_none_or(|running| running::is_kind(pattern, running));
+        |pattern: &&Route| running.is_none_or(|running| running::is_alike(pattern, running));
     plan.routes.iter().filter(is_meant).find_map(|pattern| {
-        let (from, to) = match pattern.kind {
-            Kind::Topic(_) => (&first, &second),
-            Kind::Service(_) => (&second, &first),
-        };
+        let [from, to] = pattern.interaction().in_direction(&first, &second);
         pattern.made_between(from, to)
     })
 }
@@ -105,14 +104,15 @@ fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<
 pub(super) fn other_way(plan: &Plan, made: &Route, address: &EndpointAddress) -> Option<Route> {
     let is_written = plan.routes.iter().any(|one| one.name == made.name && !one.is_many());
     let is_from = made.from == *address && !made.is_many() && !is_written;
-    let mut patterns = plan.routes.iter().filter(|one| is_from && one.role() == made.role());
+    let mut patterns =
+        plan.routes.iter().filter(|one| is_from && one.interaction() == made.interaction());
     patterns.find_map(|pattern| pattern.made_to(address))
 }
 
 /// Route of the other kind with the ends of one that a pattern makes.
 pub(super) fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
     let is_written = plan.routes.iter().any(|one| one.name == made.name);
-    let is_other = |one: &&Route| one.role() != made.role() && !is_written;
+    let is_other = |one: &&Route| one.interaction() != made.interaction() && !is_written;
     plan.routes.iter().filter(is_other).find_map(|pattern| {
         let other = pattern.made_from(&made.from)?;
         (other.to == made.to).then_some(other)
@@ -121,6 +121,8 @@ pub(super) fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use wrapyfi_endpoint::Interaction;
+
     use super::*;
     use crate::middlewares::load_text;
     use crate::node::Node;
@@ -236,7 +238,7 @@ pub(super) mod tests {
         let service = RouteInfo { key, source, destination, kind, ..RouteInfo::default() };
         for name in ["ros2:/x", "ros:/x", back] {
             let found = route(&both, &index(&both), std::slice::from_ref(&service), name);
-            assert!(matches!(found.unwrap().0.kind, Kind::Service(_)), "{name}");
+            assert_eq!(found.unwrap().0.interaction(), Interaction::Service, "{name}");
         }
         // Of one of two ways nothing runs.
         assert_eq!(found(&both, "ros2:/x"), only(there));

@@ -7,7 +7,6 @@
 //!                                             Diagnosis: what is in place, and the first Finding
 //!
 //!   drops    what the reasons of drops mean
-//!   names    names that are nearly the same
 //!   judge    facts -> diagnosis; reach: servers and addresses; state: a route that runs; words: ends and remedies;
 //!            bridges: who runs the route; stopped: a bridge whose process is
 //!   board    a robot that is served as a control board of YARP
@@ -30,10 +29,10 @@ mod configured;
 mod drops;
 mod elsewhere;
 mod ends;
+mod fit;
 pub mod judge;
 pub mod look;
 mod meaning;
-pub mod names;
 pub mod question;
 mod reach;
 mod running;
@@ -46,9 +45,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::{Discovered, EndpointAddress, Qos, Role};
+use wrapyfi_endpoint::{CauseCode, Discovered, EndpointAddress, Interaction, Qos, Role};
 use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
@@ -63,14 +62,14 @@ const TIMEOUT: Duration = Duration::from_millis(1400);
 pub struct Way {
     /// The ends, in words.
     pub title: String,
-    /// True for calls.
-    pub is_service: bool,
+    /// Interaction of messages or calls.
+    pub interaction: Interaction,
     /// The route, where one was asked for.
     pub route: Option<RouteFacts>,
     /// End at which messages come in; the server of a service.
-    pub source: Option<End>,
+    pub source: Option<WayEnd>,
     /// End at which messages go out; `None` where an endpoint alone was asked for.
-    pub destination: Option<End>,
+    pub destination: Option<WayEnd>,
     /// Control board of YARP, whose states the route carries.
     pub board: Option<Box<Board>>,
     /// Full name on ROS 2 of the node of the bridge that runs the route, or would.
@@ -88,9 +87,9 @@ pub struct Way {
     pub stopped: Option<Finding>,
     /// Programs of this machine that are stopped while they have connections, by process.
     pub stopped_programs: Vec<(u32, String)>,
-    /// Bridge and its pattern that matches a mere name which somebody has, and makes no route of it.
+    /// Bridge and its pattern that matches a mere name which a program has, and makes no route of it.
     pub matched_without_route: Option<(String, String)>,
-    /// Bridge and its pattern that would bring to a mere name which nobody has, and the source that it would take.
+    /// Bridge and its pattern that would bring to a mere name which no program has, and the source that it would take.
     pub brought_by_pattern: Option<(String, String, EndpointAddress)>,
     /// Domain of ROS 2 in which a bridge has the route, and its node, where there is no bridge in the own.
     pub other_domain: Option<(u32, String)>,
@@ -109,7 +108,7 @@ pub struct RouteFacts {
     pub name: String,
     /// File of the configuration.
     pub file: String,
-    /// Type that nobody here has a definition of, and the cause.
+    /// Type of which this program has no definition, and the cause.
     pub undefined: Option<(String, String)>,
     /// Name that the pattern leaves out, and why.
     pub left_out: Option<(String, LeftOut)>,
@@ -130,7 +129,7 @@ pub struct RouteFacts {
 pub struct Limited {
     /// Setting `max_rate_hz`.
     pub max_rate_hz: f64,
-    /// Messages a second that came in while somebody looked; `None` where the bridge runs elsewhere.
+    /// Messages a second that came in while this program looked; `None` where the bridge runs elsewhere.
     pub came_hz: Option<f64>,
     /// Share of all messages since the start that the limit has left out, from 0 to 1.
     pub dropped: f64,
@@ -149,13 +148,15 @@ pub struct Unheard {
 
 /// One end of the way.
 #[derive(Debug, Clone, Default)]
-pub struct End {
+pub struct WayEnd {
     /// Address of the end.
     pub address: EndpointAddress,
     /// Type that the route has here, as `--type` has it.
     pub type_name: Option<String>,
     /// Type that the source of a route without a type of its own announces, or shows by its messages.
     pub learned: Option<MessageType>,
+    /// True where messages carry no type, and the type of the end is what its name tells.
+    pub is_untyped: bool,
     /// Fields that a route loses because the definitions of ROS 1 and ROS 2 differ, a sentence each.
     pub differences: Vec<String>,
     /// Quality of service that the route lays down; `None` where it follows its peers.
@@ -184,9 +185,9 @@ pub struct End {
     pub elsewhere: Vec<Elsewhere>,
     /// Network of ROS 2.
     pub graph: Option<Graph>,
-    /// Type that the source announces and nobody here has a definition of, and the cause.
+    /// Type that the source announces and of which this program has no definition, and the cause.
     pub undefined: Option<(String, String)>,
-    /// Time for which somebody listened and nothing came.
+    /// Time for which this program listened and nothing came.
     pub silent: Option<Duration>,
     /// Event that the connection of who listened still waited for at the end.
     pub unconnected: Option<String>,
@@ -194,11 +195,11 @@ pub struct End {
     pub heard: u64,
     /// Number of names that match, of a pattern.
     pub names: Option<usize>,
-    /// True where those of the name are of a service.
-    pub is_service: bool,
+    /// Interaction of those who have the name.
+    pub interaction: Interaction,
 }
 
-impl End {
+impl WayEnd {
     /// An end of which nothing is known yet.
     pub fn new(address: EndpointAddress) -> Self {
         Self { address, ..Self::default() }
@@ -207,7 +208,7 @@ impl End {
     /// True where the servers of the side answer, and it works.
     fn is_open(&self) -> bool {
         self.away.is_none()
-            && self.servers.iter().all(|check| check.answer == server_check::Answer::Open)
+            && self.servers.iter().all(|check| check.answer == server_check::ConnectOutcome::Open)
     }
 
     /// Endpoints of this name in a role.
@@ -231,12 +232,14 @@ pub struct Registered {
     /// True where the server that told the address is on another machine.
     pub is_told_afar: bool,
     /// Outcome of a connection to the address.
-    pub answer: server_check::Answer,
+    pub answer: server_check::ConnectOutcome,
 }
 
 /// An endpoint that exists where the route does not look.
 #[derive(Debug, Clone)]
 pub struct Elsewhere {
+    /// Cause for which it is not found: another domain, or the range of discovery.
+    pub cause: CauseCode,
     /// Place, in words: `domain 7`.
     pub place: String,
     /// Setting that leads there, in words.
@@ -311,7 +314,7 @@ pub struct Diagnosis {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// Kind of the cause.
-    pub cause: Cause,
+    pub cause: CauseCode,
     /// Cause in words.
     pub what: String,
     /// Person or program that could provide what is missing.
@@ -332,71 +335,17 @@ pub(crate) fn same_node(node: &str) -> String {
     )
 }
 
-/// Roles of who has to be at the source and at the destination.
-fn roles(is_service: bool) -> (Role, Role) {
-    if is_service { (Role::Server, Role::Client) } else { (Role::Publisher, Role::Listener) }
-}
-
-/// Step along the way: nothing where all is in place.
-type Step = Result<(), Finding>;
+/// Result of one step along the way: nothing where all is in place.
+type StepResult = Result<(), Finding>;
 
 impl Finding {
-    fn new(cause: Cause, what: String, who: impl Into<String>, remedy: impl Into<String>) -> Self {
+    fn new(
+        cause: CauseCode,
+        what: String,
+        who: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
         Self { cause, what, who: who.into(), remedy: remedy.into() }
-    }
-}
-
-/// Kinds of causes, as `--json` names them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[allow(missing_docs)]
-pub enum Cause {
-    Definition,
-    LeftOut,
-    Limit,
-    UnresolvedHost,
-    ServerAway,
-    LoopbackElsewhere,
-    Middleware,
-    Slow,
-    NobodyPublishes,
-    NobodyOffers,
-    OtherName,
-    OtherDomain,
-    OtherMaster,
-    DiscoveryRange,
-    OwnPublication,
-    Cycle,
-    LoopbackAddress,
-    PeerUnreachable,
-    Type,
-    ServiceMapping,
-    Qos,
-    NoBridge,
-    NoRoute,
-    NobodyListens,
-    State,
-    Drops,
-    RateLimit,
-    Refused,
-    SameNode,
-    SeveralBridges,
-    Idle,
-    /// A word of a bridge elsewhere that is not known here.
-    #[serde(skip_deserializing)]
-    Other,
-}
-
-impl From<String> for Cause {
-    fn from(word: String) -> Self {
-        serde_json::from_value(word.into()).unwrap_or(Self::Other)
-    }
-}
-
-impl fmt::Display for Cause {
-    /// Writes the word that `--json` has.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.serialize(f)
     }
 }
 

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_endpoint::{DropReason, EndpointAddress, Mutex, Role};
-use wrapyfi_engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
+use wrapyfi_endpoint::{CauseCode, DropReason, EndpointAddress, Interaction, Mutex, Role};
+use wrapyfi_engine::{Plan, Route, RouteIndex, Typing};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_ros2::Ros2;
@@ -24,19 +24,18 @@ use super::ends::{entry, listens_on, qos_at, type_at, type_of_messages};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
 use super::meaning::{address, left_out, of_other_kind, other_way, route};
-use super::state::{came, lacks_listener, leads_to, takes};
+use super::state::{came, lacks_listener, leads_to, receives_from};
 use super::{
-    End, Finding, Limited, RouteFacts, Unheard, Way, board, bridges, elsewhere, roles, running,
-    stopped,
+    Finding, Limited, RouteFacts, Unheard, Way, WayEnd, board, bridges, elsewhere, running, stopped,
 };
 use crate::cli::WhyArgs;
 use crate::command::definitions;
 use crate::exit::{Failure, Result};
 use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
-use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
-use crate::node::Node;
-use crate::on_graph::info::{is_destination, is_source};
+use crate::middlewares::{self, Endpoints, Loaded, Undefined, conventions, is_ros, ros2_hidden};
+use crate::node::{GRAPH, Node};
+use crate::on_graph::info::{cause, is_destination, is_source};
 
 /// Time within which most bridges have told their routes: they are heard for as long even where the answer is known.
 const AT_ONCE: Duration = Duration::from_millis(300);
@@ -55,17 +54,18 @@ pub fn ask(asked: &WhyArgs) -> Result<Way> {
 
 fn of_name(asked: &WhyArgs) -> Result<Way> {
     let name = asked.name.as_str();
+    let has_colon = |text: &str| text.chars().any(|letter| letter == ':');
     match name.split('/').collect::<Vec<_>>()[..] {
-        [package, "msg" | "srv", _] if !package.contains(':') => of_type(asked),
+        [package, "msg" | "srv", _] if !has_colon(package) => of_type(asked),
         _ => {
-            let address = address(name).map_err(|fault| match name.contains(':') {
+            let address = address(name).map_err(|fault| match has_colon(name) {
                 true => Failure::Usage(fault),
                 false => Failure::Usage(format!("{fault}; for the name of a route add --config")),
             })?;
             let mut endpoints = Endpoints::default();
             endpoints.reached_at(asked.own);
             let sight = Sight::of_command(&endpoints);
-            Ok(of_address(&address, sight, &mut definitions::of_command(&asked.definitions)?))
+            Ok(way_of_address(&address, sight, &mut definitions::of_command(&asked.definitions)?))
         }
     }
 }
@@ -104,9 +104,9 @@ fn of_type(asked: &WhyArgs) -> Result<Way> {
         return Ok(way);
     }
     way.known.push("its definition is found".to_owned());
-    let address = EndpointAddress { middleware: "ros2".to_owned(), name: "/".to_owned() };
-    // Nobody has to have the name.
-    let wanted = Wanted { role: Role::Client, ..Wanted::new(address, false) };
+    let address = EndpointAddress { middleware: GRAPH.to_owned(), name: "/".to_owned() };
+    // No program has to have the name.
+    let wanted = Wanted::new(address, Role::Client);
     let endpoints = Endpoints::default();
     let sight = Sight::of_command(&endpoints);
     let end = look(sight, &wanted, &mut types);
@@ -161,8 +161,8 @@ impl Configured<'_> {
             Some((route, facts)) => {
                 let way = self.of_meant(&route, facts, name, &mut types);
                 // A pattern of the other kind may leave the name out.
-                let (provider, _) = roles(way.is_service);
-                let is_there = |end: &End| end.of(provider).next().is_some();
+                let provider = way.interaction.provider();
+                let is_there = |end: &WayEnd| end.of(provider).next().is_some();
                 let is_written = |one: &Route| one.name == route.name && !one.is_many();
                 let is_written = route.is_many() || plan.routes.iter().any(is_written);
                 let is_found = is_written
@@ -178,7 +178,7 @@ impl Configured<'_> {
             }
             None => match address(name) {
                 Ok(address) => {
-                    let way = of_address(&address, sight, &mut types);
+                    let way = way_of_address(&address, sight, &mut types);
                     // A bridge may have another name for an end than the file.
                     let key = way.running.as_ref().map(|running| running.key.as_str());
                     if let Some(route) =
@@ -244,7 +244,7 @@ impl Configured<'_> {
         let ends = [&route.from, &route.to].map(|end| node.resolve(end));
         let differs = |told: &RouteInfo| {
             let is_renamed = || running::resolved(told).is_some_and(|resolved| resolved != ends);
-            !running::is_kind(route, told) || (!route.is_many() && is_renamed())
+            !running::is_alike(route, told) || (!route.is_many() && is_renamed())
         };
         let (is_answered, is_left) = (AtomicBool::new(false), AtomicBool::new(false));
         let find = |all: Vec<RouteInfo>| {
@@ -257,7 +257,7 @@ impl Configured<'_> {
             Some(told)
         };
         let as_told = |told: &RouteInfo| {
-            let other = other.as_ref().filter(|other| running::is_kind(other, told));
+            let other = other.as_ref().filter(|other| running::is_alike(other, told));
             (other.unwrap_or(route), running::resolved(told).unwrap_or_else(|| ends.clone()))
         };
         let status = || find(self.status?());
@@ -268,7 +268,7 @@ impl Configured<'_> {
         };
         let begin_look = || [&is_left, &is_answered].map(|flag| flag.store(false, Relaxed));
         begin_look();
-        let ros2 = observed(sight, plan.uses("ros2"));
+        let ros2 = observed(sight, plan.uses(GRAPH));
         let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
         let (mut looked, heard) =
             beside_bridges(from, &find, Some(&|all| running::of(route, all)), || {
@@ -290,16 +290,15 @@ impl Configured<'_> {
                 format!("the bridge has {there} for {written}, by its namespace or a remap rule")
             })
             .collect();
-        let is_service = matches!(route.kind, Kind::Service(_));
-        let (provider, taker) = roles(is_service);
+        let interaction = route.interaction();
+        let (provider, taker) = (interaction.provider(), interaction.taker());
         let is_learned = route.typing == Typing::Learned && !route.is_many();
         let [mut source, mut destination] = looked;
         known.extend([&source, &destination].into_iter().flat_map(|end| end.differences.clone()));
         if self.status.is_none() {
             let [from, to] = ends;
-            let wanted = |role, end| Wanted { role, ..Wanted::new(end, is_service) };
-            if !widen(sight.endpoints, &wanted(provider, from), &mut source) {
-                widen(sight.endpoints, &wanted(taker, to), &mut destination);
+            if !widen(sight.endpoints, &Wanted::new(from, provider), &mut source) {
+                widen(sight.endpoints, &Wanted::new(to, taker), &mut destination);
             }
         }
         if let Some(names) = &route.names {
@@ -320,17 +319,21 @@ impl Configured<'_> {
             Some((node, running)) => (node, Some(running)),
             None => (node.name().fqn(), status()),
         };
-        if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
+        if is_learned
+            && interaction == Interaction::Topic
+            && is_ros(&route.from)
+            && is_ros(&route.to)
+        {
             // A listener may have told the route before a publisher came.
             let known = || Some(running.as_ref()?.type_name.clone());
-            let known = || known().filter(|name| name.contains('/'));
+            let known = || known().filter(|name| name.chars().any(|letter| letter == '/'));
             destination.type_name = destination.type_name.or_else(known);
         }
         let mut came_hz = None;
         if let (Some(before), Some(now)) = (before, &running) {
             let came = came(now).saturating_sub(came(&before));
             source.heard = came;
-            // Elsewhere nobody else would call it idle, for nobody can listen.
+            // Elsewhere no other program would call it idle, for no program can listen.
             source.silent = listens_on(&route.from.middleware).then(|| begin.elapsed());
             came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
         }
@@ -355,7 +358,7 @@ impl Configured<'_> {
             false => format!("{}: {}", route.name, route.ends()),
         };
         // The file's own domain goes before that of the environment, here as in the bridge.
-        let of_environment = match &sight.endpoints.ros2.domain_id {
+        let of_environment = match &sight.endpoints.ros2().domain_id {
             Some(_) => None,
             None => Some(graph(sight.endpoints).domain_id),
         };
@@ -363,7 +366,7 @@ impl Configured<'_> {
             running.is_none().then(|| stopped::bridge(Some(&facts.file), of_environment)).flatten();
         let (route, source) = (Some(facts), Some(source));
         let running::BridgeReports { others, also, foreign, other_domain, .. } = heard;
-        let way = Way { title, is_service, route, source, destination, ..Way::default() };
+        let way = Way { title, interaction, route, source, destination, ..Way::default() };
         Way { node, running, others, also, foreign, stopped, other_domain, known, ..way }
     }
 
@@ -375,10 +378,10 @@ impl Configured<'_> {
         sight: Sight<'_>,
         is_left: &AtomicBool,
         types: &mut TypeStore,
-    ) -> [End; 2] {
-        let is_service = matches!(route.kind, Kind::Service(_));
-        let (provider, taker) = roles(is_service);
-        let given = (route.typing == Typing::Given).then_some(route.kind);
+    ) -> [WayEnd; 2] {
+        let interaction = route.interaction();
+        let (provider, taker) = (interaction.provider(), interaction.taker());
+        let given = (route.typing == Typing::Given).then_some(route.types);
         let at_source = Wanted {
             given,
             is_learned: route.typing == Typing::Learned && !route.is_many(),
@@ -386,9 +389,9 @@ impl Configured<'_> {
                 && !route.is_many()
                 && self.status.is_none()
                 && listens_on(&from.middleware),
-            ..Wanted::new(from.clone(), is_service)
+            ..Wanted::new(from.clone(), provider)
         };
-        let at_destination = Wanted { role: taker, given, ..Wanted::new(to.clone(), is_service) };
+        let at_destination = Wanted { given, ..Wanted::new(to.clone(), taker) };
         // Nothing is learned at the destination.
         let mut none = TypeStore::empty();
         std::thread::scope(|scope| {
@@ -402,7 +405,7 @@ impl Configured<'_> {
             let destination = look(sight, &at_destination, &mut none);
             let failed = |_panicked| {
                 let away = Some("looking at it failed: see the log".to_owned());
-                End { away, ..End::new(from.clone()) }
+                WayEnd { away, ..WayEnd::new(from.clone()) }
             };
             [source.join().unwrap_or_else(failed), destination]
         })
@@ -412,8 +415,8 @@ impl Configured<'_> {
 /// True where the route to a name is meant, rather than the route from there.
 fn is_rather(to: &Way, from: &Way) -> bool {
     let has =
-        |end: &Option<End>, role| end.as_ref().is_some_and(|end| end.of(role).next().is_some());
-    let (provider, taker) = roles(from.is_service);
+        |end: &Option<WayEnd>, role| end.as_ref().is_some_and(|end| end.of(role).next().is_some());
+    let (provider, taker) = (from.interaction.provider(), from.interaction.taker());
     let runs = |way: &Way| way.running.is_some();
     if runs(from) || runs(to) {
         return !runs(from);
@@ -455,7 +458,7 @@ fn limited(route: &Route, running: &RouteInfo, came_hz: Option<f64>) -> Option<L
 /// ROS 2 of a command that looks and hears the bridges; a bridge has its own.
 fn observed(sight: Sight<'_>, uses_ros2: bool) -> Option<Arc<Ros2>> {
     let is_asked = uses_ros2 && sight.bridge.is_none();
-    is_asked.then(|| sight.endpoints.ros2.hidden().map(Arc::new).ok()).flatten()
+    is_asked.then(|| ros2_hidden(&sight.endpoints.ros2()).map(Arc::new).ok()).flatten()
 }
 
 /// Result of a look, with what the bridges on the graph of ROS 2 tell meanwhile where a command looks: their own word
@@ -483,7 +486,7 @@ fn beside_bridges<R>(
             std::thread::sleep(LOOK);
         }
         let find = find_elsewhere.filter(|_| !is_over())?;
-        elsewhere::bridge(&sight.endpoints.ros2, &graph, find, &is_over)
+        elsewhere::bridge(&sight.endpoints.ros2(), &graph, find, &is_over)
     };
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
@@ -501,9 +504,9 @@ fn beside_bridges<R>(
 pub(crate) fn inactive_at(service: &EndpointAddress) -> Option<Finding> {
     /// Time within which a bridge that is there has told.
     const TELLS_WITHIN: Duration = Duration::from_millis(700);
-    let ros2 = Endpoints::default().ros2.hidden().ok()?;
+    let ros2 = ros2_hidden(&Endpoints::default().ros2()).ok()?;
     let (text, begin) = (service.to_string(), Instant::now());
-    let is_it = |one: &RouteInfo| one.source == text && one.reason == TO_BE_ACTIVATED;
+    let is_it = |one: &RouteInfo| one.source == text && cause(one) == Some(CauseCode::Inactive);
     let find = |all: Vec<RouteInfo>| all.into_iter().find(is_it);
     let heard =
         running::heard(&ros2, &find, &|_bridges, found| found || begin.elapsed() >= TELLS_WITHIN);
@@ -512,31 +515,34 @@ pub(crate) fn inactive_at(service: &EndpointAddress) -> Option<Finding> {
     bridges::inactive(&Way { node, running, foreign, ..Way::default() })
 }
 
-/// Facts about an endpoint that no route of a file has; where nobody is there, with the route of a bridge that would be.
-fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore) -> Way {
+/// Facts about an endpoint that no route of a file has; where no program is there, with the route of a bridge that
+/// would be.
+fn way_of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore) -> Way {
     let wanted = Wanted {
-        role: Role::Publisher,
         is_learned: true,
         listens: listens_on(&address.middleware),
         is_open: true,
-        ..Wanted::new(address.clone(), false)
+        ..Wanted::new(address.clone(), Role::Publisher)
     };
     let text = address.to_string();
-    let lacks = |one: &RouteInfo| {
+    let carries = |one: &RouteInfo, wanted| running::interaction(one) == wanted;
+    let waits_for_source = |one: &RouteInfo| {
         let is_waiting = one.state == "waiting" && !lacks_listener(one);
-        one.kind != "service" && is_waiting && one.resolved_source == text
+        carries(one, Interaction::Topic) && is_waiting && one.resolved_source == text
     };
     let is_one = |one: &RouteInfo| {
         let refuses = |one: &RouteInfo| one.resolved_source == text && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
-        let calls = |one: &RouteInfo| one.kind == "service" && one.resolved_destination == text;
-        leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
+        let calls =
+            |one: &RouteInfo| !carries(one, Interaction::Topic) && one.resolved_destination == text;
+        leads_to(one, &text) || refuses(one) || calls(one) || receives_from(one, &text)
     };
     let beside = Mutex::new(BTreeSet::new());
     let find = |all: Vec<RouteInfo>| {
         beside.lock().extend(rivals(&all, &text));
         // What runs tells the name's type, and who is there.
-        let is_from = |one: &RouteInfo| one.kind != "service" && one.resolved_source == text;
+        let is_from =
+            |one: &RouteInfo| carries(one, Interaction::Topic) && one.resolved_source == text;
         let found = all.iter().find(|one| is_one(one));
         let found = found.or_else(|| all.iter().find(|one| is_from(one)));
         found.cloned().or_else(|| board::of_port(&all, address))
@@ -564,11 +570,12 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
             let is_one = there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1;
             is_one && there.iter().all(|one| may_be_bridge(one, &address.middleware, node))
         };
-        // Where somebody publishes, it is not what the route takes; where nobody does, its waiting tells nothing.
-        let lacks = lacks(running);
-        let is_needed = if is_missing { is_one(running) } else { lacks };
+        // Where a program publishes, it is not what the route takes; where none does, its waiting tells nothing.
+        let waits_for_source = waits_for_source(running);
+        let is_needed = if is_missing { is_one(running) } else { waits_for_source };
         let is_needed = is_needed || !running.refused.is_empty();
-        let is_used = !heard.also.is_empty() || takes(running, &text);
+        let is_carried_twice = running.state == "active" && !heard.also.is_empty();
+        let is_used = is_carried_twice || receives_from(running, &text);
         // Not every side tells who listens.
         let is_unseen = running.state == "active" && end.of(Role::Listener).next().is_none();
         let is_alone = || is_one(running) && running.state != "active" && is_bridge();
@@ -576,12 +583,14 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     });
     let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
-    let is_service = match &running {
-        Some(running) if is_missing || !takes(running, &text) => running.kind == "service",
-        _ => end.is_service,
+    let interaction = match &running {
+        Some(running) if is_missing || !receives_from(running, &text) => {
+            running::interaction(running)
+        }
+        _ => end.interaction,
     };
     // Its broker may be in the bridge that is stopped.
-    let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
+    let is_silent = end.away.is_some() && !conventions(&end.address.middleware).shows_publishers;
     let stopped = is_silent.then(|| stopped::bridge(None, None)).flatten();
     let mut known: Vec<_> = std::mem::take(&mut *beside.lock()).into_iter().collect();
     if running.is_none() && is_missing {
@@ -596,7 +605,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     let (source, foreign) = (Some(end), heard.foreign);
     let rest = Way { matched_without_route, brought_by_pattern, ..Way::default() };
     let title = text;
-    Way { title, is_service, node, running, also, source, foreign, stopped, known, ..rest }
+    Way { title, interaction, node, running, also, source, foreign, stopped, known, ..rest }
 }
 
 impl Running {

@@ -7,19 +7,19 @@ use std::collections::BTreeMap;
 
 use wrapyfi_data::types::{MessageType, Payload};
 use wrapyfi_endpoint::{
-    Context, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
+    CauseCode, Context, EndpointAddress, History, Interaction, Listener, Middleware as _, Qos,
+    QosPreset, Role, TopicSpec,
 };
-use wrapyfi_engine::{CARRIED, Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
+use wrapyfi_engine::Route;
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::look::LOOK;
-use crate::on_graph::client::{mappings, only_foreign, ros_type};
+use crate::on_graph::client::{mappings, node_of_status, only_foreign, ros_type};
+use crate::on_graph::info::cause;
 
-/// End of the name of the topic that has the status of a bridge; its node stands before it.
-const STATUS: &str = "/status";
 /// Most bytes of a status that are read.
 const MAX_BYTES: usize = 16 << 20;
 /// Most bridges of one name that are heard.
@@ -52,7 +52,7 @@ pub(super) fn heard(
     let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
         return BridgeReports::default();
     };
-    discovery.only(Box::new(|name| name.ends_with(STATUS)));
+    discovery.only(Box::new(|name| node_of_status(name).is_some()));
     let context = Context::default();
     let qos = Qos { history: History::KeepLast(NAMESAKES as u32), ..QosPreset::Latched.into() };
     let mut bridges: BTreeMap<String, (Box<dyn Listener>, Option<BridgeStatus>)> = BTreeMap::new();
@@ -65,7 +65,7 @@ pub(super) fn heard(
         for one in found {
             let is_status = one.role == Role::Publisher
                 && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
-            let Some(node) = one.name.strip_suffix(STATUS).filter(|_| is_status) else { continue };
+            let Some(node) = node_of_status(&one.name).filter(|_| is_status) else { continue };
             if !bridges.contains_key(node) {
                 let spec =
                     TopicSpec { qos, ..TopicSpec::new(&one.name, MessageType::Ros(ros_type)) };
@@ -87,7 +87,8 @@ pub(super) fn heard(
         }
         // Who would have to activate it has to know how its services are mapped; so has who judges its route of services.
         let is_told = |((node, _), route): (&(String, _), &RouteInfo)| {
-            (route.kind != "service" && route.reason != TO_BE_ACTIVATED) || !served(node).is_empty()
+            (interaction(route) == Interaction::Topic && cause(route) != Some(CauseCode::Inactive))
+                || !served(node).is_empty()
         };
         if !is_over(bridges.len(), having.iter().any(is_told)) {
             context.wake.wait(LOOK);
@@ -103,7 +104,7 @@ pub(super) fn heard(
             having.into_iter().partition(|(_, route)| route.state == "active");
         // One that waits for another bridge tells less than that one.
         let (second, first): (Vec<_>, Vec<_>) =
-            rest.into_iter().partition(|(_, route)| route.reason.contains(CARRIED));
+            rest.into_iter().partition(|(_, route)| cause(route) == Some(CauseCode::Carried));
         let mut all =
             active.into_iter().chain(first).chain(second).map(|((node, _), route)| (node, route));
         let running = all.next();
@@ -112,7 +113,12 @@ pub(super) fn heard(
             let ends = |it: &RouteInfo| {
                 (it.kind.clone(), it.resolved_source.clone(), it.resolved_destination.clone())
             };
-            one.state == "active" && first.as_ref().is_some_and(|first| ends(first) == ends(one))
+            // One that waits for what the other has, or for that one, is no second.
+            let is_as_well =
+                |first: &RouteInfo| one.state == first.state && one.cause == first.cause;
+            let is_open = !matches!(cause(one), Some(CauseCode::Carried | CauseCode::Inactive));
+            let is_second = |first: &RouteInfo| is_as_well(first) && ends(first) == ends(one);
+            is_open && one.state != "error" && first.as_ref().is_some_and(is_second)
         };
         let also = all.filter(|(_, route)| is_same(route)).map(|(node, _)| node);
         let others = bridges.into_iter().map(|(node, (_, status))| Some((node, status?)));
@@ -127,35 +133,40 @@ pub(super) fn heard(
     }
 }
 
-/// True where a bridge runs something of the kind of a route: topics and services may have the same ends.
-pub(super) fn is_kind(route: &Route, one: &RouteInfo) -> bool {
-    matches!(route.kind, Kind::Service(_)) == (one.kind == "service")
+/// Interaction of what a bridge runs, by its word.
+pub(super) fn interaction(one: &RouteInfo) -> Interaction {
+    one.kind.parse().unwrap_or_default()
+}
+
+/// True where a bridge runs something with the interaction of a route: topics and services may have the same ends.
+pub(super) fn is_alike(route: &Route, one: &RouteInfo) -> bool {
+    route.interaction() == interaction(one)
 }
 
 /// Ends of a route by the names that the bridge has for them: where it takes, and where it brings to.
 pub(super) fn resolved(one: &RouteInfo) -> Option<[EndpointAddress; 2]> {
     let ends = [one.resolved_source.parse().ok()?, one.resolved_destination.parse().ok()?];
     let [source, destination] = ends;
-    Some(if one.kind == "service" { [destination, source] } else { [source, destination] })
+    Some(interaction(one).in_direction(source, destination))
 }
 
 /// Status of a route among those of a bridge: the one between the same ends. Of a pattern that is well it is that of
 /// the first of its routes that is not.
 pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
     let ends = |one: &RouteInfo| {
-        let is_service = one.kind == "service";
         let (from, to) = (one.source.clone(), one.destination.clone());
-        if is_service { (to, from) } else { (from, to) }
+        interaction(one).in_direction(from, to).into()
     };
     let (from, to) = (route.from.to_string(), route.to.to_string());
     let is_one_of = |one: &RouteInfo| {
         let (from, to) = ends(one);
-        let source = from.strip_prefix(&format!("{}:", route.from.middleware));
-        source.and_then(|name| route.target(name)).is_some_and(|target| target.to_string() == to)
+        let source = from.parse::<EndpointAddress>().ok();
+        let source = source.filter(|it| it.middleware == route.from.middleware);
+        source.and_then(|it| route.target(&it.name)).is_some_and(|target| target.to_string() == to)
     };
     let is_ill = |one: &RouteInfo| matches!(one.state.as_str(), "error" | "degraded");
     let (mut own, mut ill) = (None, None);
-    for one in all.into_iter().filter(|one| is_kind(route, one)) {
+    for one in all.into_iter().filter(|one| is_alike(route, one)) {
         if ends(&one) == (from.clone(), to.clone()) {
             own = Some(one);
         } else if ill.is_none() && is_ill(&one) && is_one_of(&one) {
@@ -170,16 +181,18 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
 
 /// Limit of a pattern and number of the names that match it, where these are more.
 pub(super) fn over(pattern: &RouteInfo) -> Option<(usize, usize)> {
-    let (limit, more) = pattern.reason.split_once(OVER_LIMIT)?;
-    let (limit, more): (usize, usize) =
-        (limit.parse().ok()?, more.split(' ').next()?.parse().ok()?);
-    Some((limit, limit + more))
+    let is_over = cause(pattern) == Some(CauseCode::Limit);
+    let limit: usize = pattern.cause_ours.parse().ok().filter(|_| is_over)?;
+    Some((limit, limit + pattern.cause_theirs.parse::<usize>().ok()?))
 }
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_endpoint::Cause;
+
     use super::*;
     use crate::middlewares::load_text;
+    use crate::on_graph::info;
 
     fn info(source: &str, destination: &str, state: &str) -> RouteInfo {
         let [source, destination, state, kind] =
@@ -194,10 +207,9 @@ mod tests {
 
     #[test]
     fn the_limit_of_a_pattern_is_told_with_the_names_that_match() {
-        let of =
-            |reason: &str| over(&RouteInfo { reason: reason.to_owned(), ..RouteInfo::default() });
-        assert_eq!(of("1 is the limit of routes (max_routes), 2 more names match"), Some((1, 3)));
-        assert_eq!(of("a name that matches"), None);
+        let of = |cause: &Cause| over(&info::caused(RouteInfo::default(), Some(cause)));
+        assert_eq!(of(&Cause::Limit { at: "ros2:/*".to_owned(), limit: 1, more: 2 }), Some((1, 3)));
+        assert_eq!(of(&Cause::NoName), None);
     }
 
     #[test]

@@ -17,16 +17,16 @@ const SIGNATURE: (u8, u8, usize) = (0xff, 0x7f, 10);
 
 /// Result of connecting to an address.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Answer {
-    /// Somebody accepted the connection.
+pub enum ConnectOutcome {
+    /// The peer accepted the connection.
     Open,
     /// The host has no address here; the text has the cause and the remedy.
     Unresolved(String),
-    /// The machine answers that nobody listens there.
+    /// The machine answers that no program listens there.
     Refused,
     /// Nothing came back.
     Silent,
-    /// Somebody accepted the connection, and did not answer on it.
+    /// The peer accepted the connection, and did not answer on it.
     AcceptsOnly,
     /// Another program has the port of a broker, in words.
     Foreign(String),
@@ -34,13 +34,13 @@ pub enum Answer {
     NoWay(String),
 }
 
-/// A server, and what happened when somebody connected to it.
+/// A server, and what happened when this program connected to it.
 #[derive(Debug, Clone)]
 pub struct ServerCheck {
     /// The server.
     pub address: ServerAddress,
     /// Result of connecting to it.
-    pub answer: Answer,
+    pub answer: ConnectOutcome,
     /// True where the host is this machine.
     pub is_here: bool,
     /// Connection on which a ZeroMQ broker greets.
@@ -68,20 +68,21 @@ impl ServerCheck {
         count == Some(length) && begun.first() == Some(&first) && begun.last() == Some(&last)
     }
 
-    /// Asks what has the port of a broker of topics, where somebody accepts connections.
+    /// Asks what has the port of a broker of topics, where a program accepts connections.
     pub fn ask_kind(&mut self) {
-        let is_broker = self.address.server == Server::Broker && self.answer == Answer::Open;
+        let is_broker =
+            self.address.server == Server::Broker && self.answer == ConnectOutcome::Open;
         let stream = self.greeting.as_ref().filter(|_| is_broker);
         let Some(at) = stream.and_then(|it| it.peer_addr().ok()) else { return };
         let answer = wrapyfi_zeromq::what_has(at);
         let is_foreign = match &answer {
-            wrapyfi_zeromq::Answer::Socket(kind) => {
+            wrapyfi_zeromq::PortHolder::Socket(kind) => {
                 !matches!(kind.as_str(), "XPUB" | "PUB" | "XSUB" | "SUB")
             }
-            answer => *answer == wrapyfi_zeromq::Answer::NotZeroMq,
+            answer => *answer == wrapyfi_zeromq::PortHolder::NotZeroMq,
         };
         if is_foreign {
-            self.answer = Answer::Foreign(answer.to_string());
+            self.answer = ConnectOutcome::Foreign(answer.to_string());
         }
     }
 
@@ -93,26 +94,30 @@ impl ServerCheck {
 }
 
 /// Connects to a host, and closes at once.
-pub fn connect(host: &str, port: u16, hosts: &Hosts) -> Answer {
+pub fn connect(host: &str, port: u16, hosts: &Hosts) -> ConnectOutcome {
     connected(host, port, hosts).0
 }
 
-fn connected(host: &str, port: u16, hosts: &Hosts) -> (Answer, Option<IpAddr>, Option<TcpStream>) {
+fn connected(
+    host: &str,
+    port: u16,
+    hosts: &Hosts,
+) -> (ConnectOutcome, Option<IpAddr>, Option<TcpStream>) {
     let ip = match resolve(host, hosts) {
         Ok(ip) if ip.is_unspecified() => IpAddr::from([127, 0, 0, 1]),
         Ok(ip) => ip,
-        Err(reason) => return (Answer::Unresolved(reason), None, None),
+        Err(reason) => return (ConnectOutcome::Unresolved(reason), None, None),
     };
     let answer = match TcpStream::connect_timeout(&SocketAddr::new(ip, port), CONNECT) {
-        Ok(stream) => return (Answer::Open, Some(ip), Some(stream)),
+        Ok(stream) => return (ConnectOutcome::Open, Some(ip), Some(stream)),
         Err(error) => match error.kind() {
-            ErrorKind::ConnectionRefused => Answer::Refused,
+            ErrorKind::ConnectionRefused => ConnectOutcome::Refused,
             // The system accepts for a program that is stopped, until as many wait as it may have.
             ErrorKind::TimedOut | ErrorKind::WouldBlock if is_of_this_machine(ip) => {
-                Answer::AcceptsOnly
+                ConnectOutcome::AcceptsOnly
             }
-            ErrorKind::TimedOut | ErrorKind::WouldBlock => Answer::Silent,
-            _ => Answer::NoWay(error.to_string()),
+            ErrorKind::TimedOut | ErrorKind::WouldBlock => ConnectOutcome::Silent,
+            _ => ConnectOutcome::NoWay(error.to_string()),
         },
     };
     (answer, Some(ip), None)
@@ -125,7 +130,7 @@ fn resolve(host: &str, hosts: &Hosts) -> Result<IpAddr, String> {
     let (asked, known) = (host.to_owned(), hosts.clone());
     let thread = std::thread::Builder::new().name("resolve".to_owned());
     let resolve = move || {
-        // Nobody waits any more, perhaps.
+        // No caller waits any more, perhaps.
         _ = tell.send(known.resolve(&asked));
     };
     match thread.spawn(resolve) {
@@ -146,11 +151,11 @@ mod tests {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let hosts = Hosts::default();
-        assert_eq!(connect("127.0.0.1", port, &hosts), Answer::Open);
+        assert_eq!(connect("127.0.0.1", port, &hosts), ConnectOutcome::Open);
         drop(listener);
-        assert_eq!(connect("127.0.0.1", port, &hosts), Answer::Refused);
+        assert_eq!(connect("127.0.0.1", port, &hosts), ConnectOutcome::Refused);
         let answer = connect("no-such-host.invalid", port, &hosts);
-        assert!(matches!(answer, Answer::Unresolved(_)), "{answer:?}");
+        assert!(matches!(answer, ConnectOutcome::Unresolved(_)), "{answer:?}");
     }
 
     #[test]

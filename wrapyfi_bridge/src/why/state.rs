@@ -1,16 +1,16 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
-use wrapyfi_endpoint::{DropReason, EndpointAddress, Peers, Role};
-use wrapyfi_engine::{CARRIED, GOES_THERE};
+use wrapyfi_endpoint::{CauseCode, DropReason, EndpointAddress, Interaction, Role};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
-use wrapyfi_ros1::{OTHER_DEFINITION, REFUSES};
 use wrapyfi_ros2::graph::ServiceMapping;
-use wrapyfi_ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
-use wrapyfi_yarp_endpoint::UNOPENED;
+
+use crate::middlewares::option_names;
+use crate::on_graph::info::cause;
 
 use super::drops::{count, drops, meaning, mends};
+use super::running::interaction;
 use super::words::{example, owner, provider};
-use super::{Cause, End, Finding, Limited, Step, Way};
+use super::{Finding, Limited, StepResult, Way, WayEnd};
 
 /// A step that may be in place.
 pub(super) type Passed = Result<Option<String>, Finding>;
@@ -33,12 +33,12 @@ pub(super) fn is_carried(way: &Way) -> bool {
 
 /// True where messages of a topic pass now.
 pub(super) fn flows(way: &Way) -> bool {
-    !way.is_service
+    way.interaction == Interaction::Topic
         && is_carried(way)
         && way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0)
 }
 
-/// True where a bridge knows somebody in the role at the end, whatever the server of names says: its route runs there,
+/// True where a bridge knows a program in the role at the end, whatever the server of names says: its route runs there,
 /// or takes from there.
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
@@ -46,50 +46,56 @@ pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
         let at = at.to_string();
         // What is sent there has a listener; what comes from there has the bridge.
         let is_end = leads_to(running, &at) || running.resolved_source == at;
-        return takes(running, &at) || (!is_provider(role) && is_end && is_carried(way));
+        return receives_from(running, &at) || (!role.is_provider() && is_end && is_carried(way));
     }
-    let is_found = is_provider(role) && running.has_source;
+    let is_found = role.is_provider() && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
 }
 
-/// True for the role of the end from which a route takes.
-pub(super) fn is_provider(role: Role) -> bool {
-    matches!(role, Role::Publisher | Role::Server)
-}
-
-/// True for a route that waits for somebody who listens at its destination, whatever its source has.
+/// True for a route that waits for a program that listens at its destination, whatever its source has.
 pub(super) fn lacks_listener(running: &RouteInfo) -> bool {
-    /// Begins of such reasons, of each side and of a route whose source is closed meanwhile.
-    const BEGINS: [&str; 4] =
-        ["a subscriber of ", "a ROS 1 node that subscribes to ", "a reader of ", "a listener on "];
-    BEGINS.iter().any(|begin| running.reason.starts_with(begin))
+    match cause(running) {
+        Some(CauseCode::NobodyListens) => true,
+        // Those who are there do not fit; its source is not among them.
+        Some(CauseCode::Type | CauseCode::OtherDefinition | CauseCode::Qos) => running.has_source,
+        _ => false,
+    }
 }
 
 /// Mapping of services that the servers speak, and that of the bridge, where its route waits for another server.
 pub(super) fn other_mapping(running: &RouteInfo) -> Option<(ServiceMapping, ServiceMapping)> {
-    let (_, rmw) = running.reason.split_once(SPEAKS_NOT)?;
-    let (cyclone, fast_dds) = (ServiceMapping::Cyclone, ServiceMapping::FastDds);
-    [(cyclone, fast_dds), (fast_dds, cyclone)].into_iter().find(|(it, _)| rmw == it.rmw())
+    let is_other = cause(running) == Some(CauseCode::ServiceMapping);
+    let mappings = [ServiceMapping::Cyclone, ServiceMapping::FastDds];
+    let theirs = mappings.into_iter().find(|it| is_other && it.rmw() == running.cause_theirs)?;
+    Some((theirs, theirs.other()))
 }
 
-/// Input port of another program on YARP to which a route would write.
-pub(super) fn unopened(running: &RouteInfo) -> Option<&str> {
-    let RouteInfo { kind, source, destination, reason, .. } = running;
-    let is_to = destination.starts_with("yarp:") && !source.starts_with("yarp:");
-    reason.strip_prefix("port ")?.strip_suffix(UNOPENED).filter(|_| is_to && kind != "service")
+/// Port of another program to which a route would write, where its middleware has such an option.
+pub(super) fn unopened(running: &RouteInfo) -> Option<String> {
+    let RouteInfo { source, destination, cause_subject, .. } = running;
+    let is_to = has_ports(destination) && !has_ports(source);
+    let is_to = is_to && interaction(running) == Interaction::Topic;
+    let is_unopened = is_to && cause(running) == Some(CauseCode::NotOpened);
+    let port = is_unopened.then(|| cause_subject.parse::<EndpointAddress>().ok()).flatten()?;
+    Some(port.name)
+}
+
+fn has_ports(address: &str) -> bool {
+    let address = address.parse::<EndpointAddress>();
+    address.is_ok_and(|it| option_names(&it.middleware).contains(&"port"))
 }
 
 /// True for a route that gets what an address has, messages or replies, or would, if it understood the servers there.
-pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
-    let is_service = running.kind == "service";
-    let from = if is_service { &running.resolved_destination } else { &running.resolved_source };
+pub(super) fn receives_from(running: &RouteInfo, address: &str) -> bool {
+    let RouteInfo { resolved_source, resolved_destination, .. } = running;
+    let [from, _] = interaction(running).in_direction(resolved_source, resolved_destination);
     from == address && (running.has_source || other_mapping(running).is_some())
 }
 
 /// True for a route that brings to an address what it carries, or answers there, once it is active.
 pub(super) fn leads_to(running: &RouteInfo, address: &str) -> bool {
-    let is_service = running.kind == "service";
-    let to = if is_service { &running.resolved_source } else { &running.resolved_destination };
+    let RouteInfo { resolved_source, resolved_destination, .. } = running;
+    let [_, to] = interaction(running).in_direction(resolved_source, resolved_destination);
     to == address
 }
 
@@ -102,18 +108,20 @@ pub(super) fn brought<'w>(way: &'w Way, at: &EndpointAddress) -> Option<&'w Rout
 /// Route that a bridge runs, in words.
 pub(super) fn runs(running: &RouteInfo) -> String {
     let (received, sent, rate) = (came(running), running.sent, running.messages_per_s);
-    let is_service = running.kind == "service";
-    let now = if is_service { String::new() } else { format!(", {rate:.1} a second now") };
+    let now = match interaction(running) {
+        Interaction::Topic => format!(", {rate:.1} a second now"),
+        Interaction::Service | Interaction::Action => String::new(),
+    };
     format!("a bridge runs the route: {received} in, {sent} out{now}")
 }
 
 /// True for a source whose destination another one has.
 pub(super) fn has_rival(running: &RouteInfo) -> bool {
-    running.reason.ends_with(GOES_THERE)
+    cause(running) == Some(CauseCode::DestinationTaken)
 }
 
 /// A route that cannot work as configured, whatever is there.
-pub(super) fn broken(way: &Way) -> Step {
+pub(super) fn broken(way: &Way) -> StepResult {
     if way.running.as_ref().is_some_and(has_rival) {
         return state(way).map(drop);
     }
@@ -127,7 +135,7 @@ pub(super) fn broken(way: &Way) -> Step {
             format!("change what the reason names, in the file or the parameters of {}", way.node)
         }
     };
-    Err(Finding::new(Cause::State, what, "the configuration", remedy))
+    Err(Finding::new(CauseCode::State, what, "the configuration", remedy))
 }
 
 /// The programs that were refused.
@@ -136,17 +144,13 @@ pub(super) fn refused(way: &Way) -> Option<Finding> {
     let times = count(running, DropReason::RefusedPeer);
     let what = format!("{} refused {times} times: {}", called(way, running), running.refused);
     let remedy = format!("where they may: {}", running.allow);
-    Some(Finding::new(Cause::Refused, what, "the configuration, or those programs", remedy))
+    Some(Finding::new(CauseCode::Refused, what, "the configuration, or those programs", remedy))
 }
 
 /// The programs that were refused in the role at an end where `nobody` else is, else that.
 pub(super) fn refused_alone(way: &Way, role: Role, nobody: Finding) -> Finding {
-    let lists = match is_provider(role) {
-        true => ["publish: [", Peers::FROM],
-        false => ["subscribe: [", Peers::TO],
-    };
-    let refused = refused(way).filter(|it| lists.iter().any(|list| it.remedy.contains(list)));
-    match refused {
+    let of_role = |it: &&RouteInfo| it.refused_roles.iter().any(|one| *one == role.to_string());
+    match way.running.as_ref().filter(of_role).and_then(|_| refused(way)) {
         Some(it) => Finding { what: format!("{}, and {}", nobody.what, it.what), ..it },
         None => nobody,
     }
@@ -159,58 +163,68 @@ pub(super) fn is_used(way: &Way) -> bool {
 
 /// Program that a waiting route needs, and the remedy.
 fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
-    let reason = &running.reason;
+    use CauseCode as Code;
+    let RouteInfo { source, destination, cause_subject: subject, .. } = running;
+    let RouteInfo { cause_theirs: theirs, cause_ours: ours, .. } = running;
     if let (Some(end), port @ Some(_)) = (&way.destination, unopened(running)) {
-        return (provider(end, Role::Listener), example(end, Role::Listener, port));
-    }
-    if has_rival(running) {
-        let RouteInfo { source, destination, .. } = running;
-        let (from, to, [from_key, to_key]) = match running.kind == "service" {
-            true => (destination, source, ["service", "as"]),
-            false => (source, destination, ["from", "to"]),
-        };
-        let remedy = format!(
-            "give it a route with another name: {{{from_key}: {from:?}, {to_key}: \"{to}_2\"}}"
-        );
-        return ("the configuration of the bridge".to_owned(), remedy);
-    }
-    if let Some((bridge, _)) = reason.split_once(CARRIED) {
-        return (bridge.to_owned(), "nothing: where that one ends, this bridge goes on".to_owned());
-    }
-    let misfit = reason.split_once(" wants ").and_then(|(before, wanted)| {
-        let (any, node) = before.rsplit_once(": ")?;
-        Some((node, wanted, any.rsplit(' ').next()?))
-    });
-    if let Some((node, wanted, ours)) = misfit {
-        let remedy = match wanted.strip_suffix(OTHER_DEFINITION) {
-            Some(_) => format!("have {node} and the bridge use the same definition of {ours}"),
-            None => format!("write `type: {wanted}` on the route, or have {node} use {ours}"),
-        };
-        return (format!("{node}, or the route"), remedy);
-    }
-    let between = |before, after| Some(reason.split_once(before)?.1.split_once(after)?.0);
-    let theirs = between(" vs. [", "]").or_else(|| between(": it sends ", ","));
-    if theirs.is_some() || reason.contains(REFUSES) {
-        let remedy = match theirs {
-            Some(theirs) => format!("write `type: {theirs}` on the route, or change it there"),
-            None => "give both the same type: `type` on the route says its own".to_owned(),
-        };
-        return ("that publisher, or the route".to_owned(), remedy);
+        return (provider(end, Role::Listener), example(end, Role::Listener, port.as_deref()));
     }
     let more = match &way.route {
         Some(_) => String::new(),
         None => format!("; `wrapyfi why {:?} --node {}` looks there", running.key, way.node),
     };
-    // A part behind the name tells what is wrong with who is there.
-    if reason.contains(" (") || reason.contains(": ") || reason.starts_with("a definition of ") {
-        let remedy = format!("mend what the reason names: the route begins by itself then{more}");
-        return ("the program or setting that the reason names".to_owned(), remedy);
-    }
-    if lacks_listener(running) && !running.destination.starts_with("yarp:") {
-        let remedy = format!("start it; to try: wrapyfi echo {}{more}", running.destination);
-        return ("a program that subscribes".to_owned(), remedy);
-    }
-    ("whoever provides that".to_owned(), format!("start it: the route begins by itself{more}"))
+    let (who, remedy) = match cause(running) {
+        Some(Code::DestinationTaken) => {
+            let interaction = interaction(running);
+            let ([from, to], [from_key, to_key]) =
+                (interaction.in_direction(source, destination), interaction.keys());
+            let remedy = format!(
+                "give it a route with another name: {{{from_key}: {from:?}, {to_key}: \"{to}_2\"}}"
+            );
+            ("the configuration of the bridge", remedy)
+        }
+        Some(Code::Carried) => {
+            (&**subject, "nothing: where that one ends, this bridge goes on".to_owned())
+        }
+        Some(Code::Type) => {
+            let remedy =
+                format!("write `type: {theirs}` on the route, or have {subject} use {ours}");
+            return (format!("{subject}, or the route"), remedy);
+        }
+        Some(Code::OtherDefinition) => {
+            let remedy = format!("have {subject} and the bridge use the same definition of {ours}");
+            return (format!("{subject}, or the route"), remedy);
+        }
+        Some(Code::RefusedByPeer) if !ours.is_empty() => {
+            let remedy = match theirs.is_empty() {
+                false => format!("write `type: {theirs}` on the route, or change it there"),
+                true => "give both the same type: `type` on the route says its own".to_owned(),
+            };
+            ("that publisher, or the route", remedy)
+        }
+        Some(Code::NobodyListens) if !has_ports(destination) => {
+            let remedy = format!("start it; to try: wrapyfi echo {destination}{more}");
+            ("a program that subscribes", remedy)
+        }
+        None
+        | Some(
+            Code::NobodyListens
+            | Code::NobodyPublishes
+            | Code::NobodyOffers
+            | Code::NobodyCalls
+            | Code::NotReady
+            | Code::NotOpened
+            | Code::NoName
+            | Code::Starting
+            | Code::ServerAway,
+        ) => ("whoever provides that", format!("start it: the route begins by itself{more}")),
+        Some(_) => {
+            let remedy =
+                format!("mend what the reason names: the route begins by itself then{more}");
+            ("the program or setting that the reason names", remedy)
+        }
+    };
+    (who.to_owned(), remedy)
 }
 
 /// State of a route in a bridge, and the messages that it drops.
@@ -224,26 +238,31 @@ pub(super) fn state(way: &Way) -> Passed {
         .collect();
     let is_degraded = running.state == "degraded";
     let most = lost.iter().max_by_key(|(_, count, _)| *count);
-    // Calls that nobody here understands are the nearer cause.
+    // Calls that this bridge does not understand are the nearer cause.
     let is_mapping = most.is_some_and(|(reason, ..)| *reason == DropReason::ServiceMapping);
     if running.state == "waiting" && !is_mapping {
         let what = format!("{route} waits for {reason}");
-        let lacks_server = |end: &&End| *reason == format!("a server of {}", end.address);
+        let lacks_server = |end: &&WayEnd| {
+            cause(running) == Some(CauseCode::NobodyOffers)
+                && running.cause_subject == end.address.to_string()
+        };
         if let Some(end) = way.source.as_ref().filter(lacks_server) {
-            let remedy = example(end, Role::Server, None);
+            let remedy = example(end, way.interaction.provider(), None);
             let who = "the program that offers it";
-            return Err(Finding::new(Cause::NobodyOffers, what, who, remedy));
+            return Err(Finding::new(CauseCode::NobodyOffers, what, who, remedy));
         }
         let (who, remedy) = awaited(way, running);
-        return Err(Finding::new(Cause::State, what, who, remedy));
+        return Err(Finding::new(CauseCode::State, what, who, remedy));
     }
-    if is_degraded && let Some((reader, _)) = reason.split_once(ACKNOWLEDGES_NOTHING) {
-        let node = reader.split(' ').next().filter(|node| node.starts_with('/'));
-        let node = node.unwrap_or("the program that subscribes");
+    if is_degraded && cause(running) == Some(CauseCode::Unacknowledged) {
+        let node = match running.cause_subject.as_str() {
+            "" => "the program that subscribes",
+            node => node,
+        };
         let what = format!("{route} is degraded: {reason}");
         let remedy =
             format!("end {node} or start it again; the bridge goes on without it meanwhile");
-        return Err(Finding::new(Cause::State, what, node, remedy));
+        return Err(Finding::new(CauseCode::State, what, node, remedy));
     }
     let Some((most, _, meaning)) = most else {
         if !is_degraded {
@@ -251,7 +270,12 @@ pub(super) fn state(way: &Way) -> Passed {
         }
         let what = format!("{route} is degraded: {reason}");
         let remedy = "remove what the reason names";
-        return Err(Finding::new(Cause::State, what, "a program at an end of the route", remedy));
+        return Err(Finding::new(
+            CauseCode::State,
+            what,
+            "a program at an end of the route",
+            remedy,
+        ));
     };
     let count: u64 = lost.iter().map(|(_, count, _)| count).sum();
     let all: Vec<_> = lost.iter().map(|(reason, count, _)| format!("{count} {reason}")).collect();
@@ -271,11 +295,11 @@ pub(super) fn state(way: &Way) -> Passed {
     let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
     let who = "the route, or the program at its end";
     let cause = match most {
-        DropReason::ServiceMapping => Cause::ServiceMapping,
-        _ => Cause::Drops,
+        DropReason::ServiceMapping => CauseCode::ServiceMapping,
+        _ => CauseCode::Drops,
     };
     let remedy = match most {
-        DropReason::SendFailed if way.is_service => {
+        DropReason::SendFailed if way.interaction != Interaction::Topic => {
             "a server that answers requests: what the last reason names"
         }
         most => mends(*most),
@@ -283,10 +307,12 @@ pub(super) fn state(way: &Way) -> Passed {
     Err(Finding::new(cause, what, who, remedy))
 }
 
-/// Messages that the bridge has counted, of a source to which nobody else can listen.
-pub(super) fn counted(way: &Way, source: &End) -> Passed {
+/// Messages that the bridge has counted, of a source to which no other program can listen.
+pub(super) fn counted(way: &Way, source: &WayEnd) -> Passed {
     let running = way.running.as_ref();
-    let Some(running) = running.filter(|it| source.heard == 0 && it.kind != "service") else {
+    let Some(running) =
+        running.filter(|it| source.heard == 0 && interaction(it) == Interaction::Topic)
+    else {
         return Ok(None);
     };
     let address = &source.address;
@@ -306,7 +332,7 @@ pub(super) fn counted(way: &Way, source: &End) -> Passed {
         running.key
     );
     let who = source.of(Role::Publisher).next().map_or_else(|| "its publisher".to_owned(), owner);
-    Err(Finding::new(Cause::Idle, what, who, "look at that program"))
+    Err(Finding::new(CauseCode::Idle, what, who, "look at that program"))
 }
 
 /// Limit of the rate, where it leaves out most of the messages.
@@ -329,7 +355,7 @@ pub(super) fn rate(way: &Way) -> Passed {
         None => format!("write more than `max_rate_hz: {max_rate_hz}`"),
     };
     let remedy = format!("{remedy} on the route in {}, or leave it out", route.file);
-    Err(Finding::new(Cause::RateLimit, what, "the route", remedy))
+    Err(Finding::new(CauseCode::RateLimit, what, "the route", remedy))
 }
 
 /// Route in words: of a pattern, the one that is meant.

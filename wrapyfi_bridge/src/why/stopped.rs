@@ -1,47 +1,30 @@
 //! Programs of this machine that are not found: their process is stopped (Ctrl-Z, a debugger), or it is that of a bridge in
 //! another domain.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use wrapyfi_endpoint::CauseCode;
 
-use super::{Cause, Finding, Way};
+use super::{Finding, Way};
 use crate::exit::Failure;
-
-/// Processes of this machine, each with its folder.
-fn processes() -> impl Iterator<Item = (u32, PathBuf)> {
-    let folders = fs::read_dir("/proc").into_iter().flatten().flatten();
-    folders.filter_map(|it| Some((it.file_name().to_str()?.parse().ok()?, it.path())))
-}
-
-/// True for a process that a signal or a debugger has stopped.
-fn is_stopped(folder: &Path) -> bool {
-    let stat = fs::read_to_string(folder.join("stat")).unwrap_or_default();
-    stat.rsplit(") ").next().is_some_and(|state| state.starts_with(['T', 't']))
-}
+use crate::processes::{Process, processes};
 
 /// The bridge that was started with a file, any where that is `None`, if it is stopped, or by its environment not in the
 /// `domain`, where one is told.
 pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding> {
-    let file = file.map(fs::canonicalize).transpose().ok()?;
-    processes().find_map(|(pid, folder)| {
-        let text = |name| fs::read_to_string(folder.join(name));
-        let line = text("cmdline").ok()?;
-        let words: Vec<_> = line.split_terminator('\0').collect();
-        let is_ours = words.first()?.ends_with("wrapyfi") && words.contains(&"bridge");
-        let files = words.iter().map(|word| fs::canonicalize(folder.join("cwd").join(word)));
-        let mut files = files.flatten();
-        if !is_ours || !file.as_ref().is_none_or(|it| files.any(|one| one == *it)) {
+    let file = file.map(std::fs::canonicalize).transpose().ok()?;
+    processes().find_map(|process| {
+        let words = process.command().filter(|words| Process::is_bridge(words))?;
+        let mut files = words.iter().filter_map(|word| process.file(word));
+        if !file.as_ref().is_none_or(|it| files.any(|one| one == *it)) {
             return None;
         }
-        let command = words.join(" ");
-        if is_stopped(&folder) {
+        let (command, pid) = (words.join(" "), process.pid);
+        if process.is_stopped() {
             let what = format!("`{command}` is stopped and does not answer: its routes rest");
             let remedy = format!("kill -CONT {pid}, or `fg` in its shell");
-            return Some(Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy));
+            return Some(Finding::new(CauseCode::NoBridge, what, "whoever stopped it", remedy));
         }
-        let environment = text("environ").ok()?;
-        let mut variables = environment.split('\0');
-        let there = variables.find_map(|one| one.strip_prefix("ROS_DOMAIN_ID=")).unwrap_or("0");
+        let there = process.variable("ROS_DOMAIN_ID")?;
+        let there = if there.is_empty() { "0" } else { &there };
         domain.filter(|domain| there != domain.to_string()).map(|domain| {
             let what = format!("`{command}` runs in domain {there} of ROS 2, and this shell looks in {domain}");
             let remedy = format!(
@@ -49,30 +32,21 @@ pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding>
                  with ROS_DOMAIN_ID={domain}"
             );
             let who = "this shell, or whoever starts the bridge";
-            Finding::new(Cause::OtherDomain, what, who, remedy)
+            Finding::new(CauseCode::OtherDomain, what, who, remedy)
         })
     })
 }
 
 /// Programs of this machine that are stopped while they have connections, by process.
 pub(super) fn programs() -> Vec<(u32, String)> {
-    let stopped = processes().filter(|(_, folder)| is_stopped(folder));
-    let connected = stopped.filter_map(|(pid, folder)| {
-        // Those of others cannot be read.
-        let mut open = fs::read_dir(folder.join("fd")).ok()?.flatten();
-        let is_socket = |path: &Path| path.to_string_lossy().starts_with("socket:");
-        if !open.any(|file| fs::read_link(file.path()).is_ok_and(|to| is_socket(&to))) {
-            return None;
-        }
-        let line = fs::read_to_string(folder.join("cmdline")).ok()?;
-        Some((pid, line.replace('\0', " ").trim_end().to_owned()))
-    });
-    connected.collect()
+    // Those of others cannot be read.
+    let connected = processes().filter(|process| process.is_stopped() && process.has_sockets());
+    connected.filter_map(|process| Some((process.pid, process.command()?.join(" ")))).collect()
 }
 
-/// The finding that nobody is there, with the programs that may be and are stopped.
+/// The finding that no program is there, with the programs that may be and are stopped.
 pub(super) fn with_stopped_programs(finding: Finding, way: &Way) -> Finding {
-    use Cause::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
+    use CauseCode::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
     if !matches!(finding.cause, NobodyPublishes | NobodyOffers | NobodyListens | Idle) {
         return finding;
     }

@@ -1,45 +1,42 @@
 //! Ends, endpoints and remedies in words.
 
-use wrapyfi_data::types::{DataType, MessageType};
-use wrapyfi_endpoint::{AnnouncedQos, Discovered, Qos, QosPolicy, Role, Traffic};
+use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_endpoint::{AnnouncedQos, CauseCode, Discovered, Qos, QosPolicy, Role, Traffic};
 use wrapyfi_ros2::remedy;
 
-use super::names::nearest;
-use super::{Cause, End, Finding};
+use super::{Finding, WayEnd};
+use crate::middlewares::{conventions, is_ros};
+use crate::near_names::nearest;
 
-pub(super) fn nobody(end: &End, role: Role) -> String {
+pub(super) fn nobody(end: &WayEnd, role: Role) -> String {
     let address = &end.address;
     match role {
         // A silent publisher does not show.
-        Role::Publisher if address.middleware == "zeromq" => {
+        Role::Publisher if !conventions(&address.middleware).shows_publishers => {
             format!("no message has passed on {address}, so nobody publishes it, or is silent")
         }
         Role::Publisher => format!("nobody publishes {address}"),
-        Role::Server => format!("nobody offers {address}"),
+        Role::Server | Role::ActionServer => format!("nobody offers {address}"),
         Role::Listener => format!("nobody listens to {address}"),
-        Role::Client => format!("nobody calls {address}"),
+        Role::Client | Role::ActionClient => format!("nobody calls {address}"),
     }
 }
 
 /// Program that could be in a role at an end, in words.
-pub(super) fn provider(end: &End, role: Role) -> String {
-    let side = match end.address.middleware.as_str() {
-        "ros2" => "a ROS 2 node",
-        "ros" => "a ROS 1 node",
-        "yarp" => "a program with a YARP port",
-        _ => "a Wrapyfi script, or another program on ZeroMQ",
-    };
+pub(super) fn provider(end: &WayEnd, role: Role) -> String {
+    let side = conventions(&end.address.middleware).program;
     match role {
         Role::Publisher => format!("{side} that publishes it"),
-        Role::Server => format!("{side} that offers it"),
+        Role::Server | Role::ActionServer => format!("{side} that offers it"),
         Role::Listener => format!("{side} that subscribes to it"),
-        Role::Client => format!("{side} that calls it"),
+        Role::Client | Role::ActionClient => format!("{side} that calls it"),
     }
 }
 
-/// Command that stands in for whoever is missing; a listener on YARP has the input `port` that a route writes to.
-pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
-    let End { address, type_name, learned, .. } = end;
+/// Command that stands in for the program that is missing; a listener on YARP has the input `port` that a route writes
+/// to.
+pub(super) fn example(end: &WayEnd, role: Role, port: Option<&str>) -> String {
+    let WayEnd { address, type_name, learned, .. } = end;
     let learned = learned.map(|it| it.to_string());
     let known = type_name.as_deref().or(learned.as_deref());
     let command = match role {
@@ -49,11 +46,17 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
             format!("pub {address} --type {known} {}", sample(known))
         }
         // On ZeroMQ there are functions of Wrapyfi alone, which services of ROS are called as.
-        Role::Server if address.middleware == "zeromq" => {
-            let function = known.filter(|known| known.starts_with("wrapyfi_"));
+        Role::Server | Role::ActionServer
+            if !conventions(&address.middleware).has_service_names =>
+        {
+            let function = known.filter(|known| known.parse::<ServiceKind>().is_ok());
             format!("serve {address} --type {} --echo", function.unwrap_or("NativeObject"))
         }
-        Role::Server => {
+        Role::ActionServer if is_ros(address) => {
+            let known = known.unwrap_or("example_interfaces/action/Fibonacci");
+            format!("action serve {address} --type {known}")
+        }
+        Role::Server | Role::ActionServer => {
             format!("serve {address} --type {} --echo", known.unwrap_or("std_srvs/srv/Trigger"))
         }
         Role::Listener => {
@@ -62,6 +65,7 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
             format!("echo {address}{typed}{port}")
         }
         Role::Client => format!("call {address}"),
+        Role::ActionClient => format!("action send {address}"),
     };
     let reach = end.servers.first().map(|check| check.address.reach.clone()).unwrap_or_default();
     format!("start it; to try: {}wrapyfi {command}{}", reach.variables, reach.options)
@@ -83,8 +87,8 @@ pub(super) fn owner(one: &Discovered) -> String {
     match &one.node {
         Some(node) => node.clone(),
         // Elsewhere endpoints have no nodes.
-        None if one.qos.is_none() => format!("the {}", one.role),
-        None => format!("a {} whose node has not told its name", one.role),
+        None if one.qos.is_none() => format!("the {}", one.role.words()),
+        None => format!("a {} whose node has not told its name", one.role.words()),
     }
 }
 
@@ -100,7 +104,7 @@ pub(super) fn people(all: &[&Discovered], role: Role) -> String {
         (None, Some(messages)) => format!(" ({messages} messages so far)"),
         (None, None) => String::new(),
     };
-    format!("{count} {role}{plural}{more}")
+    format!("{count} {}{plural}{more}", role.words())
 }
 
 /// True when two endpoints have types that are surely not the same.
@@ -114,8 +118,8 @@ pub(super) fn types_differ(one: &Discovered, other: &Discovered) -> bool {
 /// True when both name one type: ROS 1 writes `std_msgs/String`, ROS 2 `std_msgs/msg/String`; a bridge
 /// between them may change the package, but never the name.
 pub(super) fn is_same_type(one: &str, other: &str) -> bool {
-    let is_short = |name: &str| name.matches('/').count() == 1;
-    if is_short(one) != is_short(other) && one.contains('/') && other.contains('/') {
+    let [slashes, others] = [one, other].map(|name| name.matches('/').count());
+    if (slashes == 1) != (others == 1) && slashes > 0 && others > 0 {
         return one.rsplit('/').next() == other.rsplit('/').next();
     }
     one == other
@@ -131,7 +135,7 @@ pub(super) fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &Announc
 }
 
 /// A name that exists, and is nearly the one that is looked for.
-pub(super) fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
+pub(super) fn same_name_differently(end: &WayEnd, role: Role) -> Option<Finding> {
     let address = &end.address;
     let of_role = || end.found.iter().filter(|one| one.role == role);
     let (name, name_difference) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
@@ -148,7 +152,7 @@ pub(super) fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
         "write {middleware}:{name} instead of {address}, or give it the name {} there",
         address.name
     );
-    Some(Finding::new(Cause::OtherName, what, owner(one), remedy))
+    Some(Finding::new(CauseCode::OtherName, what, owner(one), remedy))
 }
 
 #[cfg(test)]
@@ -161,7 +165,7 @@ mod tests {
     use crate::input;
 
     /// Arguments of what is to be tried.
-    fn typed(end: &End, role: Role) -> Command {
+    fn typed(end: &WayEnd, role: Role) -> Command {
         let text = example(end, role, None);
         let words = text.strip_prefix("start it; to try: ").unwrap().split(' ');
         let words = words.map(|word| word.trim_matches('\''));
@@ -182,9 +186,14 @@ mod tests {
             ("zeromq:/obj", Some("Text"), Role::Listener),
             ("ros2:/obj", None, Role::Listener),
             ("ros2:/lamp", None, Role::Client),
+            ("ros:/dock", None, Role::ActionServer),
+            ("zeromq:/dock", None, Role::ActionServer),
+            ("yarp:/dock", None, Role::ActionServer),
+            ("ros2:/dock", Some("demo/action/Dock"), Role::ActionServer),
+            ("ros2:/dock", None, Role::ActionClient),
         ] {
             let type_name = type_name.map(str::to_owned);
-            let end = End { type_name, ..End::new(address.parse().unwrap()) };
+            let end = WayEnd { type_name, ..WayEnd::new(address.parse().unwrap()) };
             let Command::Pub(args) = typed(&end, role) else { continue };
             let TypeName::Known(message_type) = args.message_type else { continue };
             let spec = TopicSpec::new("/x", message_type);

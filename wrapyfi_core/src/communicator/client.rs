@@ -4,61 +4,65 @@
 //!   arguments ─▶ ClientEnd ─▶ server elsewhere
 //!   returns   ◀─────┘
 //! ```
+//!
+//! The client of an action calls its server's function: see `goal_client`.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::context::Live;
+use super::end::EndCommon;
 use super::error::MethodError;
-use super::listener::EndOptions;
-use super::missing::Missing;
-use super::notifier::{Look, Notifier};
-use super::rules::Rules;
+use super::feedback::Feedback;
+use super::goal_client::{GoalCalls, GoalClient};
+use super::notifier::LookResult;
 use super::session::{GatheredMessages, Session};
 use super::wait::with_reason;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::types::{self, TypedError, Value};
-use wrapyfi_endpoint::{
-    self as endpoint, Client, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, Request,
-};
+use wrapyfi_endpoint::{self as endpoint, Client, Link, Mutex, Request};
 
 /// An argument of a request: its name and value.
 pub type NamedArgument = (&'static str, Result<Value, TypedError>);
 
 /// Client of one value.
 pub(super) struct ClientEnd {
-    pub(super) endpoint: EndpointAddress,
-    pub(super) rules: Rules,
-    counters: Arc<Counters>,
-    timeout: Duration,
-    pub(super) notifier: Notifier,
-    missing: Missing,
+    pub(super) common: EndCommon,
+    conversion: Option<Conversion>,
     client: Mutex<Box<dyn Client>>,
+    /// Goals of an action.
+    goals: Option<Arc<GoalCalls>>,
 }
 
 impl ClientEnd {
     pub(super) fn new(
-        endpoint: EndpointAddress,
+        common: EndCommon,
         client: Box<dyn Client>,
-        counters: Arc<Counters>,
-        options: EndOptions,
+        conversion: Option<Conversion>,
     ) -> Self {
-        Self {
-            endpoint,
-            rules: options.rules,
-            counters,
-            timeout: options.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
-            notifier: Notifier::new(client.wake().clone()),
-            missing: options.missing,
-            client: Mutex::new(client),
-        }
+        Self { common, conversion, client: Mutex::new(client), goals: None }
     }
 
-    pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
-        (&self.endpoint, self.client.lock().link(), self.counters.snapshot())
+    pub(super) fn of_action(common: EndCommon, goals: Arc<GoalCalls>, to: Conversion) -> Self {
+        let client = Box::new(GoalClient(Arc::clone(&goals)));
+        Self { goals: Some(goals), ..Self::new(common, client, Some(to)) }
+    }
+
+    /// Value of a result that has one field, and of one that has none: what a method may return in place of a dict.
+    pub(super) fn only_field(&self, result: &types::Payload) -> Option<types::Payload> {
+        let types::Payload::NativeObject(object) = result else { return None };
+        let (Some(_), Value::Map(fields)) = (&self.goals, &object.value) else { return None };
+        let mut values = fields.iter().map(|(_, value)| value);
+        let first = values.next().cloned().unwrap_or_default();
+        values.next().is_none().then(|| first.into())
+    }
+
+    pub(super) fn link(&self) -> Link {
+        self.client.lock().link()
     }
 
     fn waited_for(&self) -> String {
-        with_reason(format!("a reply from {}", self.endpoint), self.client.lock().link())
+        with_reason(format!("a reply from {}", self.common.endpoint), self.link())
     }
 }
 
@@ -70,14 +74,14 @@ struct Call<'a> {
 }
 
 impl Call<'_> {
-    fn look(&mut self) -> Look<Result<endpoint::Reply, endpoint::CallError>> {
+    fn look(&mut self) -> LookResult<Result<endpoint::Reply, endpoint::CallError>> {
         let mut client = self.end.client.lock();
         match client.take_only(self.ticket) {
             Some(result) => {
                 self.has_ended = true;
-                Look::Found(result)
+                LookResult::Found(result)
             }
-            None => Look::Again(client.deadline()),
+            None => LookResult::Again(client.deadline()),
         }
     }
 }
@@ -91,7 +95,8 @@ impl Drop for Call<'_> {
 }
 
 impl Session {
-    /// Calls the method of the other program, once for each value, as Wrapyfi's clients do.
+    /// Calls the method of the other program, once for each value, as Wrapyfi's clients do. The feedback of an action
+    /// goes to `feedback`.
     ///
     /// # Errors
     /// When an argument has no form, or a reply does not come.
@@ -99,42 +104,66 @@ impl Session {
         &self,
         in_task: bool,
         arguments: Vec<NamedArgument>,
+        feedback: Option<&Feedback>,
     ) -> Result<GatheredMessages, MethodError> {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
-            let mut call = match self.begin(client, &request) {
-                Err(_) if client.missing.is_given_up(&client.endpoint) => continue,
+            // Begun first, so that the end of a call that a server has heard of is not missed.
+            let mut wait = self.begin_wait(None);
+            let mut call = match self.begin(client, &request, feedback) {
+                Err(_) if client.common.is_given_up() => continue,
                 begun => begun?,
             };
-            let mut wait = self.begin_wait(None);
             let waited_for = || client.waited_for();
             let look = || match call.look() {
-                Look::Found(result) => Look::Found(Some(result)),
-                Look::Again(_) if client.missing.is_given_up(&client.endpoint) => Look::Found(None),
-                Look::Again(at) => Look::Again(at),
+                LookResult::Found(result) => LookResult::Found(Some(result)),
+                LookResult::Again(_) if client.common.is_given_up() => LookResult::Found(None),
+                LookResult::Again(at) => LookResult::Again(at),
             };
-            if let Some(result) = client.notifier.wait(&mut wait, runtime, waited_for, look).await?
+            if let Some(result) =
+                client.common.notifier.wait(&mut wait, runtime, waited_for, look).await?
             {
-                gathered.set(index, Some(self.replied(result)?));
+                gathered.set(index, Some(self.replied(client, result)?));
             }
         }
         Ok(gathered)
     }
 
-    fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, MethodError> {
-        let ticket = end.client.lock().send(request, end.timeout);
+    fn begin<'a>(
+        &self,
+        end: &'a ClientEnd,
+        request: &Request,
+        feedback: Option<&Feedback>,
+    ) -> Result<Call<'a>, MethodError> {
+        let mut client = end.client.lock();
+        let default = match &end.goals {
+            None => endpoint::ServiceSpec::TIMEOUT,
+            Some(goals) => {
+                goals.set_feedback(feedback);
+                Duration::MAX
+            }
+        };
+        let ticket = client.send(request, end.common.timeout.unwrap_or(default));
         let ticket = ticket.map_err(|source| self.unanswered(source))?;
         Ok(Call { end, ticket, has_ended: false })
     }
 
     fn replied(
         &self,
+        client: &ClientEnd,
         result: Result<endpoint::Reply, endpoint::CallError>,
     ) -> Result<types::Payload, MethodError> {
-        result.map(|reply| reply.payload).map_err(|source| self.unanswered(source))
+        let payload = result.map_err(|source| self.unanswered(source))?.payload;
+        let Some(conversion) = client.conversion else { return Ok(payload) };
+        let converted = conversion.convert(payload, types::Stamp::now);
+        converted.map_err(|error| MethodError::WrongType {
+            method: self.method.clone(),
+            endpoint: client.common.endpoint.to_string(),
+            source: Box::new(error.into()),
+        })
     }
 
     fn unanswered(&self, source: endpoint::CallError) -> MethodError {
@@ -142,14 +171,19 @@ impl Session {
     }
 
     fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, MethodError> {
-        let args = arguments.into_iter().map(|(name, value)| {
-            value.map_err(|error| MethodError::Argument {
+        let named = arguments.into_iter().map(|(name, value)| match value {
+            Ok(value) => Ok((name, value)),
+            Err(error) => Err(MethodError::Argument {
                 method: self.method.clone(),
                 argument: name.to_owned(),
                 reason: error.to_string(),
-            })
+            }),
         });
-        Ok(Request::new(args.collect::<Result<Vec<_>, _>>()?))
+        let named = named.collect::<Result<Vec<_>, _>>()?;
+        Ok(match self.clients().any(|(_, client)| client.goals.is_some()) {
+            true => Request::default().with(named.into_iter().collect()),
+            false => Request::new(named.into_iter().map(|(_, value)| value).collect::<Vec<_>>()),
+        })
     }
 
     fn clients(&self) -> impl Iterator<Item = (usize, &ClientEnd)> {

@@ -12,10 +12,10 @@ use std::sync::{Arc, OnceLock, Weak};
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
-use super::source::{EndpointNeeds, Running, Source, StartError};
 use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{MessageTypeError, RosType};
-use wrapyfi_endpoint::{Middleware, Mutex};
+use wrapyfi_data::types::{MessageTypeError, RosAction, RosType};
+use wrapyfi_endpoint::method::{EndpointNeeds, Source};
+use wrapyfi_endpoint::{Middleware, Mutex, Planned, StartError};
 #[cfg(feature = "engine")]
 use wrapyfi_engine::ConfigError;
 use wrapyfi_interfaces::store::TypeStore;
@@ -36,9 +36,9 @@ use wrapyfi_interfaces::store::TypeStore;
 /// assert_eq!(context.middlewares(), ["memory"]);
 /// ```
 #[derive(Clone)]
-pub struct CommunicatorContext(Arc<Shared>);
+pub struct CommunicatorContext(Arc<ContextState>);
 
-struct Shared {
+struct ContextState {
     sources: BTreeMap<String, Arc<dyn Source>>,
     default_middleware: String,
     plugins: Plugins,
@@ -85,7 +85,7 @@ impl CommunicatorContext {
         ContextBuilder {
             sources: builtin::sources(),
             default_middleware: None,
-            plugins: Plugins::standard(),
+            plugins: wrapyfi_plugins::standard(),
             types: None,
             configuration: Configuration::default(),
         }
@@ -127,6 +127,11 @@ impl CommunicatorContext {
     pub(super) fn ros_type(&self, name: &str) -> Result<RosType, MessageTypeError> {
         let resolved = self.0.types.lock().resolve_name(name).map_err(Box::new)?;
         Ok(RosType::new(&resolved)?)
+    }
+
+    /// Looks up the type of an action by its name.
+    pub(super) fn ros_action(&self, name: &str) -> Result<RosAction, MessageTypeError> {
+        RosAction::resolve(name, &mut self.0.types.lock())
     }
 
     pub(super) fn find(&self, name: &str) -> Found {
@@ -199,6 +204,20 @@ impl std::fmt::Debug for CommunicatorContext {
     }
 }
 
+/// A middleware that runs already, whatever the options say.
+struct Running(Arc<dyn Middleware>);
+
+impl Source for Running {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn plan(&self, _wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
+        let middleware = Arc::clone(&self.0);
+        Ok(Planned { key: String::new(), start: Arc::new(move || Ok(Arc::clone(&middleware))) })
+    }
+}
+
 /// Builder of a [`CommunicatorContext`].
 ///
 /// ```
@@ -245,7 +264,7 @@ impl ContextBuilder {
     #[cfg(feature = "ros2")]
     #[must_use]
     pub fn ros_args(self, args: wrapyfi_node::args::RosArgs) -> Self {
-        self.source(builtin::ros2_with(args))
+        self.source(wrapyfi_ros2::source(args))
     }
 
     /// Adds this middleware in place of those built in; others may be added after it.
@@ -295,9 +314,9 @@ impl ContextBuilder {
         };
         let default_middleware = self.default_middleware.or_else(from_environment);
         let sources = self.sources.into_iter().map(|source| (source.name().to_owned(), source));
-        CommunicatorContext(Arc::new(Shared {
+        CommunicatorContext(Arc::new(ContextState {
             sources: sources.collect(),
-            default_middleware: default_middleware.unwrap_or_else(|| "zeromq".to_owned()),
+            default_middleware: default_middleware.unwrap_or_else(|| builtin::DEFAULT.to_owned()),
             plugins: self.plugins,
             types: Mutex::new(
                 self.types.unwrap_or_else(|| TypeStore::from_environment().or_generated()),

@@ -2,6 +2,7 @@
 
 use super::error::ActivateError;
 use wrapyfi_data::{did_you_mean, types::DataType};
+use wrapyfi_endpoint::method::Literal;
 
 /// A type with registered methods.
 ///
@@ -27,6 +28,10 @@ pub struct MethodSpec {
     pub registers: &'static [Register],
     /// True for a method with an argument `#[received]`.
     pub receives: bool,
+    /// True for a method registered as an action.
+    pub is_action: bool,
+    /// True for a method with an argument `#[feedback]`.
+    pub has_feedback: bool,
 }
 
 /// Arguments of one `#[register]`.
@@ -44,23 +49,6 @@ pub struct Register {
     pub options: &'static [(&'static str, Literal)],
     /// ROS name of the returned type, where that is a generated message.
     pub ros_type: Option<&'static str>,
-}
-
-/// The value of an option as written.
-///
-/// See [`Method`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Literal {
-    /// `true` or `false`.
-    Switch(bool),
-    /// A whole number.
-    Integer(i64),
-    /// A number that is no integer.
-    Float(f64),
-    /// Text, or `$argument`.
-    Text(&'static str),
-    /// Options inside an option.
-    Map(&'static [(&'static str, Literal)]),
 }
 
 /// The enum of a type's registered methods; implemented by `#[communicator]`.

@@ -67,6 +67,14 @@ pub enum ActivateError {
         /// Mode that was chosen.
         mode: Mode,
     },
+    /// The mode publishes or listens, and the method is an action.
+    #[error("{method} is an action, which mode {mode} does not carry: choose request or reply")]
+    NoTopic {
+        /// `Class::method`.
+        method: String,
+        /// Mode that was chosen.
+        mode: Mode,
+    },
     /// The configuration names a method that the type does not have.
     #[error("{place}: {fault}")]
     Configured {
@@ -182,6 +190,16 @@ pub enum MethodError {
         /// Cause and remedy.
         source: Box<OpenError>,
     },
+    /// The middleware has no actions, and cannot offer one.
+    #[error(
+        "{method}: {middleware} has no actions: register a function (NativeObject) and route it as an action"
+    )]
+    NoActions {
+        /// `Class::method`.
+        method: String,
+        /// Name of the middleware.
+        middleware: String,
+    },
     /// The body returned a value that cannot be sent.
     #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
     Send {
@@ -241,7 +259,8 @@ pub enum MethodError {
         /// Thing that the call waited for, in words.
         waited_for: String,
     },
-    /// A request has no reply: nobody serves, the server refuses, or its reply is of another type.
+    /// A request has no reply: there is no server, the server refuses, or its reply is of another type. The goal of an
+    /// action was not reached: [`CallError::NotReached`](endpoint::CallError::NotReached).
     #[error("{method}: {source}")]
     Unanswered {
         /// `Class::method`.

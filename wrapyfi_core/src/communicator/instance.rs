@@ -33,7 +33,7 @@ impl<M> Deref for Instance<M> {
     }
 }
 
-struct Shared {
+struct InstanceState {
     class: &'static Class,
     // Declared before `live`, so that endpoints are dropped before their middlewares.
     slots: Vec<Mutex<Slot>>,
@@ -58,7 +58,7 @@ impl<M: Method> Instance<M> {
     #[must_use]
     pub fn new(context: &CommunicatorContext) -> Self {
         let class = M::CLASS;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(InstanceState {
             class,
             slots: class.methods.iter().map(|_| Mutex::default()).collect(),
             number: context.number(class.name),
@@ -132,7 +132,7 @@ impl<M: Method> fmt::Debug for Instance<M> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Control<M> {
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     methods: PhantomData<M>,
 }
 
@@ -186,7 +186,7 @@ impl<M: Method> Control<M> {
     }
 }
 
-impl Shared {
+impl InstanceState {
     fn slot(&self, index: usize) -> Option<MutexGuard<'_, Slot>> {
         self.slots.get(index).map(Mutex::lock)
     }
@@ -224,8 +224,11 @@ impl Shared {
                 })?
             }
         };
-        let receives = self.class.methods.get(index).is_some_and(|method| method.receives);
-        if mode.feeds_body() && !receives {
+        let spec = self.class.methods.get(index);
+        if spec.is_some_and(|spec| spec.is_action) && (mode.sends() || mode.listens()) {
+            return Err(ActivateError::NoTopic { method: self.class.label(index), mode });
+        }
+        if mode.feeds_body() && !spec.is_some_and(|spec| spec.receives) {
             return Err(ActivateError::NothingReceived { method: self.class.label(index), mode });
         }
         let Some(mut slot) = self.slot(index) else { return Ok(()) };
@@ -319,7 +322,7 @@ fn end(mut slot: MutexGuard<'_, Slot>) {
 
 /// A call that has begun, with its mode and endpoints.
 pub struct RunningCall {
-    shared: Arc<Shared>,
+    shared: Arc<InstanceState>,
     index: usize,
     mode: Mode,
     session: Option<Arc<Session>>,

@@ -1,7 +1,7 @@
 //! Middlewares that are not there: a method with values on several goes on with the others.
 //!
 //! ```text
-//!   no master, name server or broker ── for a second ──▶ nobody waits for this value: None
+//!   no master, name server or broker ── for a second ──▶ no caller waits for this value: None
 //!                                      comes ──────────▶ waited for again
 //! ```
 
@@ -18,11 +18,11 @@ const GRACE: Duration = Duration::from_secs(1);
 #[derive(Default)]
 pub(super) struct Missing {
     middleware: Option<Weak<dyn Middleware>>,
-    state: Mutex<State>,
+    state: Mutex<Absence>,
 }
 
 #[derive(Default)]
-struct State {
+struct Absence {
     since: Option<Instant>,
     is_told: bool,
 }
@@ -32,7 +32,7 @@ impl Missing {
         Self { middleware: Some(Arc::downgrade(middleware)), state: Mutex::default() }
     }
 
-    /// True when nobody need wait for `endpoint`, because its middleware has not been there for a while. The log has it
+    /// True when no call need wait for `endpoint`, because its middleware has not been there for a while. The log has it
     /// once.
     pub(super) fn is_given_up(&self, endpoint: &EndpointAddress) -> bool {
         let Some(middleware) = self.middleware.as_ref().and_then(Weak::upgrade) else {
@@ -41,7 +41,7 @@ impl Missing {
         let why = middleware.waiting_for();
         let (now, mut state) = (Instant::now(), self.state.lock());
         let Some(why) = why else {
-            *state = State::default();
+            *state = Absence::default();
             return false;
         };
         let since = *state.since.get_or_insert(now);

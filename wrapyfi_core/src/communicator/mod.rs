@@ -46,14 +46,15 @@
 //! ```text
 //!    caller's thread                                    the library's thread
 //!    call ─ mode? ─ first call ─────── job ──────────▶ $ replaced, middleware started, endpoints opened
-//!      │                                                publishers watched: does anybody listen?
-//!      ├─ publish: an atomic says nobody listens ─▶ done          │
+//!      │                                                publishers watched: does a program listen?
+//!      ├─ publish: an atomic says no listener ─▶ done             │
 //!      │           else the endpoint, directly                    └─▶ the atomic
 //!      └─ listen:  the endpoint's queue, directly; woken by the I/O thread that fills it
 //! ```
 //!
 //! A message passes through no thread beside those of the endpoint. Only async sends go through the
-//! library's thread, because a reliable ROS 2 writer may make its sender wait, and no executor should.
+//! library's thread, because a reliable ROS 2 writer may make its sender wait, and no executor should. It also takes
+//! goals and what becomes of them, so that they go on while a body runs and after a call was dropped.
 //!
 //! | module | one idea |
 //! | --- | --- |
@@ -62,6 +63,7 @@
 //! | `instance`, `opening`, `session` | modes of one instance; its endpoints |
 //! | `listener`, `publisher` | the listener of one value, its publisher |
 //! | `client`, `server` | the client of one value, its server |
+//! | `goal_client`, `goal_server`, `feedback` | actions: goals and results as calls and replies; their feedback |
 //! | `notifier`, `wait`, `oneshot`, `runtime` | waiting in threads and tasks; the library's thread |
 //! | `context`, `source`, `builtin`, `config` | middlewares and configuration of instances |
 
@@ -72,7 +74,11 @@ mod config;
 mod config_file;
 mod context;
 mod describe;
+mod end;
 mod error;
+mod feedback;
+mod goal_client;
+mod goal_server;
 mod instance;
 mod listener;
 mod missing;
@@ -80,7 +86,6 @@ mod mode;
 mod notifier;
 mod oneshot;
 mod opening;
-mod option;
 mod publisher;
 mod resolve;
 mod rules;
@@ -88,18 +93,18 @@ mod runtime;
 mod server;
 mod session;
 mod settings;
-mod source;
 mod wait;
 
 pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};
 pub use describe::Method;
 pub use error::{ActivateError, MethodError};
+pub use feedback::{Feedback, FeedbackError, FeedbackReceiver};
 pub use instance::Control;
 pub use mode::{Mode, Modes, ParseModeError};
-pub use session::{EndStatus, ValueStatus};
-pub use source::StartError;
+pub use wrapyfi_endpoint::StartError;
 pub use wrapyfi_macros::{communicator, register};
+pub use {end::EndStatus, session::ValueStatus};
 #[doc(inline)]
 pub use {wrapyfi_data::returned::PayloadError, wrapyfi_data::types::DataType};
 
@@ -107,14 +112,14 @@ pub use {wrapyfi_data::returned::PayloadError, wrapyfi_data::types::DataType};
 #[doc(hidden)]
 pub use {
     client::NamedArgument,
-    describe::{Class, Literal, MethodSpec, NamesMethod, Register},
+    describe::{Class, MethodSpec, NamesMethod, Register},
     instance::{Instance, RunningCall},
     mode::{NamesMode, NamesOneMode},
     notifier::at_once,
-    option::{OptionError, OptionValue, Options},
-    resolve::{Given, Side, argument},
+    resolve::{Given, argument},
     server::ReceivedRequest,
     session::{GatheredMessages, Session},
-    source::{EndpointNeeds, Planned, Source},
     wrapyfi_data::returned::{Returned, kind},
+    wrapyfi_endpoint::Planned,
+    wrapyfi_endpoint::method::{EndpointNeeds, Literal, OptionError, OptionValue, Options, Source},
 };

@@ -25,10 +25,10 @@ pub(super) struct Notifier {
 }
 
 /// Result of one look by a waiting thread or task.
-pub(super) enum Look<T> {
+pub(super) enum LookResult<T> {
     /// Value that the wait was for.
     Found(T),
-    /// Nothing yet; the next look is due at this instant though nobody rings.
+    /// Nothing yet; the next look is due at this instant without a ring.
     Again(Option<Instant>),
 }
 
@@ -66,7 +66,7 @@ impl Notifier {
         wait: &mut Wait<'_>,
         runtime: Option<&Runtime>,
         waited_for: impl Fn() -> String,
-        mut look: impl FnMut() -> Look<T>,
+        mut look: impl FnMut() -> LookResult<T>,
     ) -> Result<T, MethodError> {
         let _waiting = Waiting::new(self);
         let mut timer = None::<(Instant, Waker)>;
@@ -77,8 +77,8 @@ impl Notifier {
                     self.wake.notify(task.waker());
                 }
                 let again = match look() {
-                    Look::Found(found) => return Poll::Ready(Ok(found)),
-                    Look::Again(again) => again,
+                    LookResult::Found(found) => return Poll::Ready(Ok(found)),
+                    LookResult::Again(again) => again,
                 };
                 let step = match wait.check(&waited_for) {
                     Ok(step) => step.min(until(again)),
@@ -139,10 +139,10 @@ mod tests {
                     let look = || {
                         let mut goods = goods.lock().unwrap();
                         if *goods == 0 {
-                            return Look::Again(None);
+                            return LookResult::Again(None);
                         }
                         *goods -= 1;
-                        Look::Found(())
+                        LookResult::Found(())
                     };
                     at_once(notifier.wait(&mut wait, None, || "goods".into(), look))
                 })
@@ -166,7 +166,8 @@ mod tests {
         let (notifier, stop, runtime) = (Notifier::default(), Stop::default(), Runtime::start());
         let mut wait = Wait::new("A::b", &stop, None);
         let found = AtomicBool::new(false);
-        let look = || if found.load(SeqCst) { Look::Found(7) } else { Look::Again(None) };
+        let look =
+            || if found.load(SeqCst) { LookResult::Found(7) } else { LookResult::Again(None) };
         let mut wait = pin!(notifier.wait(&mut wait, Some(&runtime), || "seven".into(), look));
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Arc::clone(&flag).into();

@@ -12,28 +12,34 @@ use std::time::Duration;
 use super::builtin::missing_feature;
 use super::client::ClientEnd;
 use super::context::{CommunicatorContext, Found, Live};
+use super::end::EndCommon;
 use super::error::MethodError;
-use super::listener::{EndOptions, ListenerEnd};
+use super::goal_client::GoalCalls;
+use super::goal_server::ServedGoals;
+use super::listener::ListenerEnd;
 use super::missing::Missing;
 use super::mode::Mode;
-use super::option::{OptionError, Options};
+use super::notifier::Notifier;
 use super::publisher::PublisherEnd;
-use super::resolve::{Resolved, Side};
+use super::resolve::Resolved;
 use super::rules::Rules;
 use super::server::ServerEnd;
 use super::session::{Channel, Session};
 use super::settings::{
     color_order, for_middlewares, is_jpg, limits, other_kind, plugins, qos, untyped,
 };
-use super::source::{EndpointNeeds, Source, StartError};
 use super::wait::Stop;
 use wrapyfi_data::Limits;
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::did_you_mean;
 use wrapyfi_data::returned::generated;
 use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_endpoint::StartError;
+use wrapyfi_endpoint::method::{EndpointNeeds, Source};
+use wrapyfi_endpoint::method::{OptionError, Options};
 use wrapyfi_endpoint::{
-    self as endpoint, EndpointAddress, History, Middleware, OpenResult, Overflow, Qos, QueueSpec,
-    ServiceSpec, TopicSpec,
+    self as endpoint, ActionSpec, EndpointAddress, History, Middleware, OpenError, OpenResult,
+    Overflow, Qos, QueueSpec, Role, ServiceSpec, TopicSpec, Wake,
 };
 
 /// Number of native objects that wait at a listener, as many as ZeroMQ holds for Wrapyfi.
@@ -49,7 +55,7 @@ pub(super) struct Opening<'a> {
 }
 
 /// Middleware, address and settings with which one endpoint is opened.
-struct End {
+struct EndpointSettings {
     endpoint: EndpointAddress,
     options: Options,
     middleware: Arc<dyn Middleware>,
@@ -118,7 +124,7 @@ impl Opening<'_> {
                 });
             }
         };
-        let (_, options) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
+        let (_, options) = value.end(Role::Listener).map_err(|fault| self.option(fault))?;
         match source.absent(&options) {
             Some(why) => absent(why),
             None => match self.open_ends(value, &*source, is_one_of_several) {
@@ -137,8 +143,8 @@ impl Opening<'_> {
     ) -> Result<Channel, Unopened> {
         let (mode, mut channel) = (self.mode, Channel::default());
         if mode.has_two_ways() {
-            let (there, _) = value.side(Side::Publisher).map_err(|fault| self.option(fault))?;
-            let (here, _) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
+            let (there, _) = value.end(Role::Publisher).map_err(|fault| self.option(fault))?;
+            let (here, _) = value.end(Role::Listener).map_err(|fault| self.option(fault))?;
             if there == here {
                 return Err(Unopened::Failed(MethodError::SameTopic {
                     method: self.method.clone(),
@@ -149,20 +155,28 @@ impl Opening<'_> {
             }
         }
         if mode.listens() {
-            let end = self.end(value, source, Side::Listener, false, is_one_of_several)?;
+            let end = self.end(value, source, Role::Listener, is_one_of_several)?;
             channel.listener = Some(self.listener(value, &end)?);
         }
         if mode.sends() {
-            let end = self.end(value, source, Side::Publisher, false, is_one_of_several)?;
+            let end = self.end(value, source, Role::Publisher, is_one_of_several)?;
             channel.publisher = Some(self.publisher(value, &end)?);
         }
         if mode == Mode::Request {
-            let end = self.end(value, source, Side::Listener, true, is_one_of_several)?;
-            channel.client = Some(self.client(value.data_type, &end)?);
+            let role = value.action.map_or(Role::Client, |_| Role::ActionClient);
+            let end = self.end(value, source, role, is_one_of_several)?;
+            channel.client = Some(match value.action {
+                None => self.client(value.data_type, &end)?,
+                Some(_) => self.action_client(&end)?,
+            });
         }
         if mode == Mode::Reply {
-            let end = self.end(value, source, Side::Publisher, true, is_one_of_several)?;
-            channel.server = Some(Arc::new(self.server(value.data_type, &end)?));
+            let role = value.action.map_or(Role::Server, |_| Role::ActionServer);
+            let end = self.end(value, source, role, is_one_of_several)?;
+            channel.server = Some(Arc::new(match value.action {
+                None => self.server(value.data_type, &end)?,
+                Some(has_feedback) => self.action_server(&end, has_feedback)?,
+            }));
         }
         Ok(channel)
     }
@@ -171,18 +185,13 @@ impl Opening<'_> {
         &self,
         value: &Resolved,
         source: &dyn Source,
-        side: Side,
-        is_service: bool,
+        role: Role,
         is_one_of_several: bool,
-    ) -> Result<End, Unopened> {
-        let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
+    ) -> Result<EndpointSettings, Unopened> {
+        let (topic, options) = value.end(role).map_err(|fault| self.option(fault))?;
         let limits = self.read(|| limits(&options))?;
-        let wanted = EndpointNeeds {
-            side,
-            is_service,
-            options: &options,
-            max_message_bytes: limits.message_bytes,
-        };
+        let wanted =
+            EndpointNeeds { role, options: &options, max_message_bytes: limits.message_bytes };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => Unopened::Failed(self.option(fault)),
             StartError::Absent(why) | StartError::Failed(why) if is_one_of_several => {
@@ -197,62 +206,134 @@ impl Opening<'_> {
         self.mention(&options, &*middleware);
         let endpoint = EndpointAddress { middleware: source.name().to_owned(), name: topic };
         let queue_depth = source.queue_depth();
-        Ok(End { endpoint, options, middleware, queue_depth, limits, is_one_of_several })
+        Ok(EndpointSettings {
+            endpoint,
+            options,
+            middleware,
+            queue_depth,
+            limits,
+            is_one_of_several,
+        })
     }
 
     /// Logs the options that the middleware cannot follow.
     fn mention(&self, options: &Options, middleware: &dyn Middleware) {
         if let Ok(Some(carrier)) = options.text("carrier")
             && carrier != "tcp"
-            && !middleware.traits().carriers
+            && !middleware.routing_properties().carriers
         {
             let middleware = middleware.name();
             tracing::warn!("{}: {middleware} has no carrier {carrier}; it is ignored", self.method);
         }
     }
 
-    fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, MethodError> {
-        let (spec, options) = (self.read(|| self.topic_spec(value, end))?, self.end_options(end)?);
+    fn listener(
+        &self,
+        value: &Resolved,
+        end: &EndpointSettings,
+    ) -> Result<ListenerEnd, MethodError> {
+        let spec = self.read(|| self.topic_spec(value, end))?;
         let context = endpoint::Context::default();
+        let common = self.common(end, &context, context.wake.clone())?;
         let listener = self.opened(end.middleware.open_listener(&spec, &context))?;
-        Ok(ListenerEnd::new(end.endpoint.clone(), listener, &context, options))
+        Ok(ListenerEnd::new(common, listener, context.clock))
     }
 
-    fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, MethodError> {
-        let (spec, options) = (self.read(|| self.topic_spec(value, end))?, self.end_options(end)?);
+    fn publisher(
+        &self,
+        value: &Resolved,
+        end: &EndpointSettings,
+    ) -> Result<Arc<PublisherEnd>, MethodError> {
+        let spec = self.read(|| self.topic_spec(value, end))?;
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
+        let common = self.common(end, &context, Wake::new())?;
         let publisher = self.opened(end.middleware.open_publisher(&spec, &context))?;
-        let in_ros = end.middleware.traits().ros_time;
-        let (endpoint, counters) = (end.endpoint.clone(), context.counters);
-        let publisher = Arc::new(PublisherEnd::new(endpoint, publisher, counters, options, in_ros));
+        let in_ros = end.middleware.routing_properties().ros_time;
+        let publisher = Arc::new(PublisherEnd::new(common, publisher, spec.conversion(), in_ros));
         self.live.runtime().watch(Arc::downgrade(&publisher) as _);
         Ok(publisher)
     }
 
-    fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, MethodError> {
-        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(end)?);
+    fn client(
+        &self,
+        data_type: DataType,
+        end: &EndpointSettings,
+    ) -> Result<ClientEnd, MethodError> {
+        let spec = self.service_spec(data_type, end)?;
         let context = endpoint::Context::default();
+        let common = self.common(end, &context, context.wake.clone())?;
         let client = self.opened(end.middleware.open_client(&spec, &context))?;
-        Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, options))
+        Ok(ClientEnd::new(common, client, spec.conversion()))
     }
 
-    fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, MethodError> {
-        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(end)?);
+    fn server(
+        &self,
+        data_type: DataType,
+        end: &EndpointSettings,
+    ) -> Result<ServerEnd, MethodError> {
+        let spec = self.service_spec(data_type, end)?;
         let context = endpoint::Context::default();
+        let common = self.common(end, &context, context.wake.clone())?;
         let server = self.opened(end.middleware.open_server(&spec, &context))?;
-        Ok(ServerEnd::new(end.endpoint.clone(), server, &context, options))
+        Ok(ServerEnd::new(common, server, spec.conversion(), context.clock))
     }
 
-    fn end_options(&self, end: &End) -> Result<EndOptions, MethodError> {
+    fn action_client(&self, end: &EndpointSettings) -> Result<ClientEnd, MethodError> {
+        let spec = self.read(|| self.action_spec(end))?;
+        let context = endpoint::Context::default();
+        let common = self.common(end, &context, context.wake.clone())?;
+        let client = end.middleware.open_action_client(&spec, &self.of_runtime(&context));
+        let ActionSpec { action, goals, color_order, limits, .. } = &spec;
+        let (to, color_order, limits) = (MessageType::NativeObject, *color_order, *limits);
+        let result = Conversion { to, color_order, limits };
+        let goals = GoalCalls::new(self.opened(client)?, action, *goals, result, &context);
+        self.live.runtime().watch(Arc::downgrade(&goals) as _);
+        Ok(ClientEnd::of_action(common, goals, result))
+    }
+
+    fn action_server(
+        &self,
+        end: &EndpointSettings,
+        has_feedback: bool,
+    ) -> Result<ServerEnd, MethodError> {
+        let spec = self.read(|| self.action_spec(end))?;
+        let context = endpoint::Context::default();
+        let common = self.common(end, &context, context.wake.clone())?;
+        let server = match end.middleware.open_action_server(&spec, &self.of_runtime(&context)) {
+            Err(OpenError::NotCarried { middleware, .. }) => {
+                return Err(MethodError::NoActions { method: self.method.clone(), middleware });
+            }
+            opened => self.opened(opened)?,
+        };
+        let goals = ServedGoals::new(server, spec, has_feedback, &context);
+        self.live.runtime().watch(Arc::downgrade(&goals) as _);
+        Ok(ServerEnd::of_action(common, goals, context.clock))
+    }
+
+    /// Context with the bell of the library's thread.
+    fn of_runtime(&self, context: &endpoint::Context) -> endpoint::Context {
+        endpoint::Context { wake: self.live.runtime().bell(), ..context.clone() }
+    }
+
+    /// Parts that an endpoint of any role has, which waits for `wake`.
+    fn common(
+        &self,
+        end: &EndpointSettings,
+        context: &endpoint::Context,
+        wake: Wake,
+    ) -> Result<EndCommon, MethodError> {
         let options = &end.options;
         let missing = end.is_one_of_several.then(|| Missing::new(&end.middleware));
         self.read(|| {
-            Ok(EndOptions {
-                missing: missing.unwrap_or_default(),
+            Ok(EndCommon {
+                endpoint: end.endpoint.clone(),
+                counters: Arc::clone(&context.counters),
                 should_wait: options.switch("should_wait")?.unwrap_or(true),
                 timeout: options.number("timeout_ms")?.map(Duration::from_millis),
                 rules: Rules::from_options(options)?,
+                notifier: Notifier::new(wake),
+                missing: missing.unwrap_or_default(),
             })
         })
     }
@@ -305,7 +386,11 @@ impl Opening<'_> {
         Ok(MessageType::Ros(ros_type))
     }
 
-    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, OptionError> {
+    fn topic_spec(
+        &self,
+        value: &Resolved,
+        end: &EndpointSettings,
+    ) -> Result<TopicSpec, OptionError> {
         let options = &end.options;
         let message_type = self.message_type(value, options)?;
         let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
@@ -331,7 +416,11 @@ impl Opening<'_> {
         })
     }
 
-    fn service_spec(&self, data_type: DataType, end: &End) -> Result<ServiceSpec, MethodError> {
+    fn service_spec(
+        &self,
+        data_type: DataType,
+        end: &EndpointSettings,
+    ) -> Result<ServiceSpec, MethodError> {
         self.read(|| {
             let options = &end.options;
             let kind = match options.word::<ServiceKind>("message_type")? {
@@ -358,6 +447,25 @@ impl Opening<'_> {
                 options: for_middlewares(options)?,
                 ..ServiceSpec::new(end.endpoint.name.clone(), kind)
             })
+        })
+    }
+
+    fn action_spec(&self, end: &EndpointSettings) -> Result<ActionSpec, OptionError> {
+        let options = &end.options;
+        let unusable = |found: &dyn Display, wanted: &str| {
+            OptionError::new("action_type", found, format!("the type of an action{wanted}"))
+        };
+        let name = options.text("action_type")?;
+        let name = name.ok_or_else(|| unusable(&"not given", ", as package/action/Type"))?;
+        let kind = self.context.ros_action(name).map_err(|error| {
+            unusable(&format_args!("{name:?}"), &format!(" whose definition is found: {error}"))
+        })?;
+        Ok(ActionSpec {
+            color_order: color_order(options)?,
+            limits: end.limits,
+            plugins: plugins(self.context.plugins(), options)?,
+            options: for_middlewares(options)?,
+            ..ActionSpec::new(end.endpoint.name.clone(), kind)
         })
     }
 

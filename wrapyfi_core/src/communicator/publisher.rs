@@ -1,44 +1,37 @@
 //! The publisher of one value, shared by all callers.
 //!
 //! ```text
-//!   call ── does anybody listen? an atomic, kept by the runtime ──▶ no: counted, that is all
+//!   call ── does a program listen? an atomic, kept by the runtime ──▶ no: counted, that is all
 //!             └─ yes ─▶ payload ─▶ publisher, on the caller's thread
 //! ```
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+use super::end::EndCommon;
 use super::error::MethodError;
-use super::listener::EndOptions;
-use super::missing::Missing;
-use super::notifier::{Look, Notifier};
-use super::rules::Rules;
+use super::notifier::LookResult;
 use super::runtime::{Runtime, Watched};
 use super::wait::{Wait, with_reason};
+use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::types::Payload;
-use wrapyfi_endpoint::{
-    Counters, DropReason, EndpointAddress, Link, Mutex, PublishError, Publisher, Throttle,
-};
+use wrapyfi_endpoint::{DropReason, Link, Mutex, PublishError, Publisher, Throttle};
 
 pub(super) struct PublisherEnd {
-    pub(super) endpoint: EndpointAddress,
-    pub(super) rules: Rules,
-    pub(super) counters: Arc<Counters>,
-    pub(super) timeout: Option<Duration>,
+    /// Its bell rings when the link changes.
+    pub(super) common: EndCommon,
+    /// Conversion of what the method returns to the type of the topic.
+    pub(super) conversion: Conversion,
     /// True where messages are messages of ROS, which always have a time.
     pub(super) in_ros: bool,
-    /// True while messages need not be sent, because nobody listens and none is kept for later.
+    /// True while messages need not be sent, because there is no listener and none is kept for later.
     is_idle: AtomicBool,
     /// True once the first listener has come, or where no call waits for it.
     is_established: AtomicBool,
-    /// Bell that rings when the link changes.
-    pub(super) changed: Notifier,
-    missing: Missing,
-    state: Mutex<State>,
+    state: Mutex<PublisherState>,
 }
 
-struct State {
+struct PublisherState {
     publisher: Box<dyn Publisher>,
     /// Throttle of lines about messages that were not sent.
     said: Throttle,
@@ -46,36 +39,31 @@ struct State {
 
 impl PublisherEnd {
     pub(super) fn new(
-        endpoint: EndpointAddress,
+        common: EndCommon,
         publisher: Box<dyn Publisher>,
-        counters: Arc<Counters>,
-        options: EndOptions,
+        conversion: Conversion,
         in_ros: bool,
     ) -> Self {
         let end = Self {
-            endpoint,
-            rules: options.rules,
-            counters,
-            timeout: options.timeout,
+            is_established: AtomicBool::new(!common.should_wait),
+            common,
+            conversion,
             in_ros,
             is_idle: AtomicBool::new(false),
-            is_established: AtomicBool::new(!options.should_wait),
-            changed: Notifier::default(),
-            missing: options.missing,
-            state: Mutex::new(State { publisher, said: Throttle::default() }),
+            state: Mutex::new(PublisherState { publisher, said: Throttle::default() }),
         };
         end.look(Instant::now());
         end
     }
 
-    /// True while a message would reach nobody. It costs one atomic load.
+    /// True while a message would reach no listener. It costs one atomic load.
     pub(super) fn is_idle(&self) -> bool {
         self.is_idle.load(SeqCst)
     }
 
-    /// Counts a message that was not sent because nobody listens.
+    /// Counts a message that was not sent because there is no listener.
     pub(super) fn skip(&self) {
-        self.counters.dropped(DropReason::NoConsumer);
+        self.common.counters.dropped(DropReason::NoConsumer);
     }
 
     /// Sends a message, or counts the reason that it was not sent. A message that the transport
@@ -88,18 +76,18 @@ impl PublisherEnd {
         let mut state = self.state.lock();
         match state.publisher.publish(payload) {
             Ok(bytes) => {
-                self.counters.sent(bytes, started.elapsed());
+                self.common.counters.sent(bytes, started.elapsed());
                 Ok(())
             }
             Err(error @ PublishError::Encode(_)) => {
-                self.counters.dropped(error.drop_reason());
+                self.common.counters.dropped(error.drop_reason());
                 Err(error)
             }
             Err(error) => {
-                self.counters.dropped(error.drop_reason());
+                self.common.counters.dropped(error.drop_reason());
                 let is_news = !matches!(error, PublishError::NoConsumer(_));
                 if is_news && state.said.pass(started).is_some() {
-                    tracing::warn!("a message to {} was not sent: {error}", self.endpoint);
+                    tracing::warn!("a message to {} was not sent: {error}", self.common.endpoint);
                 }
                 Ok(())
             }
@@ -108,7 +96,7 @@ impl PublisherEnd {
 
     /// Notes the link. The caller holds the lock, so that of two looks at once the newer one is
     /// noted last.
-    fn note(&self, state: &State) -> Link {
+    fn note(&self, state: &PublisherState) -> Link {
         let link = state.publisher.link();
         let is_open = is_open(&link);
         self.is_idle.store(!is_open && !link.keeps_last, SeqCst);
@@ -124,12 +112,12 @@ impl PublisherEnd {
         wait: &mut Wait<'_>,
         runtime: Option<&Runtime>,
     ) -> Result<(), MethodError> {
-        self.changed.wait(wait, runtime, || self.waited_for(), || self.established()).await
+        self.common.notifier.wait(wait, runtime, || self.waited_for(), || self.established()).await
     }
 
-    fn established(&self) -> Look<()> {
-        let is_waited_for = !self.is_established() && !self.missing.is_given_up(&self.endpoint);
-        if is_waited_for { Look::Again(None) } else { Look::Found(()) }
+    fn established(&self) -> LookResult<()> {
+        let is_waited_for = !self.is_established() && !self.common.is_given_up();
+        if is_waited_for { LookResult::Again(None) } else { LookResult::Found(()) }
     }
 
     /// True when a call need not wait for the first listener.
@@ -143,7 +131,7 @@ impl PublisherEnd {
     }
 
     fn waited_for(&self) -> String {
-        with_reason(format!("a listener of {}", self.endpoint), self.link())
+        with_reason(format!("a listener of {}", self.common.endpoint), self.link())
     }
 }
 
@@ -155,9 +143,9 @@ impl Watched for PublisherEnd {
         self.note(&state);
         drop(state);
         for warning in &review.warnings {
-            tracing::warn!("{}: {warning}", self.endpoint);
+            tracing::warn!("{}: {warning}", self.common.endpoint);
         }
-        self.changed.ring();
+        self.common.notifier.ring();
         review.next
     }
 }
@@ -172,11 +160,12 @@ fn is_open(link: &Link) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
     use std::sync::atomic::AtomicUsize;
 
-    use super::super::option::Options;
     use super::*;
-    use wrapyfi_endpoint::Review;
+    use wrapyfi_data::types::MessageType;
+    use wrapyfi_endpoint::{Review, TopicSpec};
 
     /// Publisher with this many listeners, and a warning at every look.
     struct Counting(Arc<AtomicUsize>);
@@ -227,12 +216,10 @@ mod tests {
     #[test]
     fn an_older_look_does_not_undo_a_newer_one() {
         let peers = Arc::new(AtomicUsize::new(0));
-        let rules = Rules::from_options(&Options::default()).unwrap();
-        let options =
-            EndOptions { should_wait: false, timeout: None, rules, missing: Missing::default() };
+        let common = EndCommon::of_test("memory:/x", false);
+        let spec = TopicSpec::new("/x", MessageType::NativeObject);
         let publisher = Box::new(Counting(Arc::clone(&peers)));
-        let endpoint = "memory:/x".parse().unwrap();
-        let end = Arc::new(PublisherEnd::new(endpoint, publisher, Arc::default(), options, false));
+        let end = Arc::new(PublisherEnd::new(common, publisher, spec.conversion(), false));
         assert!(end.is_idle());
         let log = Interrupting { peers, end: Arc::clone(&end) };
         // The look began before the listener came.

@@ -7,8 +7,9 @@
 
 use super::describe::{Class, MethodSpec, Register};
 use super::error::MethodError;
-use super::option::{OptionError, OptionValue, Options};
 use wrapyfi_data::types::{DataType, TypedError, Value, to_value};
+use wrapyfi_endpoint::Role;
+use wrapyfi_endpoint::method::{OptionError, OptionValue, Options};
 
 /// An argument of a call: its place and value.
 pub type Given = (usize, Result<Value, TypedError>);
@@ -29,40 +30,17 @@ pub(super) struct Resolved {
     pub(super) middleware: Option<String>,
     pub(super) topic: String,
     pub(super) ros_type: Option<&'static str>,
+    /// `None` for messages and functions; for an action, whether its body has feedback.
+    pub(super) action: Option<bool>,
     options: Options,
 }
 
-/// Direction of a message.
-///
-/// ```
-/// use wrapyfi_core::communicator::{Options, Side, EndpointNeeds};
-/// /// Name of the node for an endpoint: a node does not hear itself.
-/// fn node(wanted: &EndpointNeeds<'_>) -> &'static str {
-///     match wanted.side {
-///         Side::Publisher => "camera",
-///         Side::Listener => "camera_in",
-///     }
-/// }
-///
-/// let options = Options::default();
-/// let (is_service, max_message_bytes) = (false, 1 << 20);
-/// let wanted = EndpointNeeds { side: Side::Listener, is_service, options: &options, max_message_bytes };
-/// assert_eq!(node(&wanted), "camera_in");
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// Outgoing: a publisher, a server.
-    Publisher,
-    /// Incoming: a listener, a client.
-    Listener,
-}
-
 impl Resolved {
-    /// Topic and options of one side.
-    pub(super) fn side(&self, side: Side) -> Result<(String, Options), super::OptionError> {
-        let (kwargs, topic) = match side {
-            Side::Publisher => ("publisher_kwargs", "out_topic"),
-            Side::Listener => ("listener_kwargs", "in_topic"),
+    /// Topic and options of an endpoint in a role.
+    pub(super) fn end(&self, role: Role) -> Result<(String, Options), OptionError> {
+        let (kwargs, topic) = match role.is_provider() {
+            true => ("publisher_kwargs", "out_topic"),
+            false => ("listener_kwargs", "in_topic"),
         };
         let options = self.options.with_side(kwargs);
         let topic = match options.text(topic)? {
@@ -109,7 +87,8 @@ impl FirstCall<'_> {
         };
         let options = Options::from_literals(register.options, &mut |text| self.replace(text))?;
         let Register { data_type, ros_type, .. } = *register;
-        Ok(Resolved { data_type, middleware, topic, ros_type, options })
+        let action = self.spec.is_action.then_some(self.spec.has_feedback);
+        Ok(Resolved { data_type, middleware, topic, ros_type, action, options })
     }
 
     fn fault(&self, name: &str, found: &OptionValue) -> MethodError {
@@ -153,8 +132,8 @@ impl FirstCall<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::describe::Literal;
     use super::*;
+    use wrapyfi_endpoint::method::Literal;
 
     const CLASS: Class = Class {
         name: "Mirror",
@@ -172,6 +151,8 @@ mod tests {
                 ros_type: None,
             }],
             receives: false,
+            is_action: false,
+            has_feedback: false,
         }],
     };
 
@@ -180,9 +161,9 @@ mod tests {
         let given = [(0, Ok(Value::from("zeromq"))), (1, Ok(Value::from(true)))];
         let resolved = resolve(&CLASS, 0, "memory", &given).unwrap().remove(0);
         assert_eq!(resolved.middleware.as_deref(), Some("zeromq"));
-        let (topic, options) = resolved.side(Side::Listener).unwrap();
+        let (topic, options) = resolved.end(Role::Listener).unwrap();
         assert_eq!((topic.as_str(), options.switch("should_wait")), ("zeromq", Ok(Some(true))));
-        assert_eq!(resolved.side(Side::Publisher).unwrap().0, "/x");
+        assert_eq!(resolved.end(Role::Publisher).unwrap().0, "/x");
     }
 
     #[test]
@@ -191,7 +172,7 @@ mod tests {
         let mut resolved = resolve(&CLASS, 0, "memory", &given).unwrap();
         let resolved = resolved.remove(0);
         assert_eq!(resolved.middleware, None);
-        assert_eq!(resolved.side(Side::Listener).unwrap().0, "/x");
+        assert_eq!(resolved.end(Role::Listener).unwrap().0, "/x");
         let given = [(0, Ok(Value::List(vec![]))), (1, Ok(Value::Null))];
         let error = resolve(&CLASS, 0, "memory", &given).unwrap_err().to_string();
         assert!(error.starts_with("Mirror::read: argument mware cannot be used"), "{error}");

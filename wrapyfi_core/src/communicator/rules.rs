@@ -2,13 +2,13 @@
 //!
 //! An option that is not written is not checked: an image method without options carries any image.
 
-use super::option::{OptionError, Options};
 use super::settings::jpeg_quality;
 use wrapyfi_data::returned::PayloadError;
 use wrapyfi_data::types::{
     AudioChunk, CompressedFormat, Encoding, Image, Payload, Pixels, RawPixels,
 };
 use wrapyfi_endpoint::codec::jpeg;
+use wrapyfi_endpoint::method::{OptionError, Options};
 
 /// Size, channels and rate that the payloads of one value must have.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -121,9 +121,9 @@ fn compare<T: PartialEq + ToString>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::option::OptionValue;
     use super::*;
     use wrapyfi_data::types::{SampleFormat, Stamp};
+    use wrapyfi_endpoint::method::OptionValue;
 
     fn rules(options: &[(&str, OptionValue)]) -> Rules {
         let options = options

@@ -2,9 +2,11 @@
 //!
 //! ```text
 //!   first call ── job ──▶ ┌─────────┐ ◀── ring ── publishers whose peers come and go
-//!   async call ── timer ▶ │ runtime │ ── look ──▶ publishers: does anybody listen?
+//!   async call ── timer ▶ │ runtime │ ── look ──▶ publishers: does a program listen?
 //!                         └─────────┘ ── flush ─▶ servers with replies that are not heard yet
 //! ```
+//!
+//! Goals of actions are watched as publishers are.
 //!
 //! A message does not pass through the thread: a call takes and publishes on its own, so that the
 //! way is as short as the endpoint's. Work that may take long, such as starting a middleware, is
@@ -34,12 +36,12 @@ type Job = Box<dyn FnOnce() + Send>;
 
 /// Handle of the thread, which ends when the handle is dropped.
 pub(super) struct Runtime {
-    shared: Arc<Shared>,
+    shared: Arc<RuntimeState>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 #[derive(Default)]
-struct Shared {
+struct RuntimeState {
     bell: Wake,
     work: Mutex<Work>,
     is_over: AtomicBool,
@@ -49,7 +51,7 @@ struct Shared {
 #[derive(Default)]
 struct Work {
     jobs: Vec<Job>,
-    publishers: Vec<Weak<dyn Watched>>,
+    watched: Vec<Weak<dyn Watched>>,
     /// Servers that keep replies.
     servers: Vec<Weak<dyn Watched>>,
     /// Tasks by the time at which they are woken, and a number.
@@ -59,7 +61,7 @@ struct Work {
 impl Runtime {
     /// Starts the thread; without one (the system refuses) jobs run where they are submitted.
     pub(super) fn start() -> Self {
-        let shared = Arc::<Shared>::default();
+        let shared = Arc::<RuntimeState>::default();
         let inner = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("wrapyfi".to_owned())
@@ -89,9 +91,9 @@ impl Runtime {
         self.shared.bell.ring();
     }
 
-    /// Watches a publisher for as long as it lives.
-    pub(super) fn watch(&self, publisher: Weak<dyn Watched>) {
-        self.shared.work.lock().publishers.push(publisher);
+    /// Watches a publisher, or goals, for as long as they live.
+    pub(super) fn watch(&self, end: Weak<dyn Watched>) {
+        self.shared.work.lock().watched.push(end);
         self.shared.bell.ring();
     }
 
@@ -105,7 +107,7 @@ impl Runtime {
         self.shared.bell.ring();
     }
 
-    /// Bell to ring when a publisher's peers change.
+    /// Bell to ring when a publisher's peers change, and when there is news of a goal.
     pub(super) fn bell(&self) -> Wake {
         self.shared.bell.clone()
     }
@@ -126,7 +128,7 @@ impl Drop for Runtime {
     }
 }
 
-impl Shared {
+impl RuntimeState {
     fn run(&self) {
         let mut looked_at = None::<Instant>;
         let mut look_at = Instant::now();
@@ -169,7 +171,7 @@ impl Shared {
         }
     }
 
-    /// Looks at every publisher and flushes servers; instant of the next look that one of them wants.
+    /// Looks at all that is watched and flushes servers; instant of the next look that one of them wants.
     fn look(&self, now: Instant) -> Option<Instant> {
         let servers = std::mem::take(&mut self.work.lock().servers);
         let mut next = None;
@@ -180,12 +182,12 @@ impl Shared {
             }
             next = next.into_iter().chain(again).min();
         }
-        let publishers: Vec<_> = {
+        let watched: Vec<_> = {
             let mut work = self.work.lock();
-            work.publishers.retain(|publisher| publisher.strong_count() > 0);
-            work.publishers.iter().filter_map(Weak::upgrade).collect()
+            work.watched.retain(|end| end.strong_count() > 0);
+            work.watched.iter().filter_map(Weak::upgrade).collect()
         };
-        publishers.iter().filter_map(|publisher| publisher.look(now)).chain(next).min()
+        watched.iter().filter_map(|end| end.look(now)).chain(next).min()
     }
 }
 

@@ -5,6 +5,8 @@
 //!                    ◀─ answer ◀──── what the body returned
 //!                        └ kept while the client does not hear yet ◀─ flushed ─ the library's thread
 //! ```
+//!
+//! The server of an action serves a function: see `goal_server`.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,18 +14,19 @@ use std::time::{Duration, Instant};
 use serde::de::DeserializeOwned;
 
 use super::context::Live;
+use super::end::EndCommon;
 use super::error::MethodError;
-use super::listener::EndOptions;
-use super::notifier::{Look, Notifier};
-use super::rules::Rules;
+use super::feedback::Feedback;
+use super::goal_server::{GoalServer, ServedGoals};
+use super::notifier::LookResult;
 use super::runtime::{Runtime, Watched};
 use super::session::Session;
 use super::wait::to_stderr;
-use wrapyfi_data::returned::Returned;
+use wrapyfi_data::codec::Conversion;
+use wrapyfi_data::returned::{PayloadError, Returned};
 use wrapyfi_data::types::{self, from_value};
 use wrapyfi_endpoint::{
-    self as endpoint, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, Mutex,
-    RequestId, Server, Throttle,
+    self as endpoint, Call, Clock, GoalNumber, Link, Mutex, RequestId, Server, Throttle,
 };
 
 /// Time between two tries to send kept replies: no bell rings when their clients begin to hear.
@@ -33,13 +36,12 @@ const LINGER: Duration = Duration::from_secs(1);
 
 /// Server of one value.
 pub(super) struct ServerEnd {
-    endpoint: EndpointAddress,
-    rules: Rules,
-    counters: Arc<Counters>,
-    should_wait: bool,
-    pub(super) notifier: Notifier,
+    pub(super) common: EndCommon,
+    conversion: Option<Conversion>,
     clock: Clock,
     state: Mutex<Serving>,
+    /// Goals of an action.
+    goals: Option<Arc<ServedGoals>>,
 }
 
 struct Serving {
@@ -50,28 +52,36 @@ struct Serving {
 
 impl ServerEnd {
     pub(super) fn new(
-        endpoint: EndpointAddress,
+        common: EndCommon,
         server: Box<dyn Server>,
-        context: &endpoint::Context,
-        options: EndOptions,
+        conversion: Option<Conversion>,
+        clock: Clock,
     ) -> Self {
-        Self {
-            endpoint,
-            rules: options.rules,
-            counters: Arc::clone(&context.counters),
-            should_wait: options.should_wait,
-            notifier: Notifier::new(context.wake.clone()),
-            clock: context.clock.clone(),
-            state: Mutex::new(Serving { server, said: Throttle::default() }),
-        }
+        let state = Mutex::new(Serving { server, said: Throttle::default() });
+        Self { common, conversion, clock, state, goals: None }
     }
 
-    pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
-        (&self.endpoint, self.state.lock().server.link(), self.counters.snapshot())
+    pub(super) fn of_action(common: EndCommon, goals: Arc<ServedGoals>, clock: Clock) -> Self {
+        let server = Box::new(GoalServer(Arc::clone(&goals)));
+        let mut end = Self::new(common, server, None, clock);
+        end.goals = Some(goals);
+        end
+    }
+
+    pub(super) fn link(&self) -> Link {
+        self.state.lock().server.link()
+    }
+
+    /// Applies the rules of the value to a returned payload, and converts it to the type that the
+    /// service carries.
+    fn converted(&self, payload: types::Payload) -> Result<types::Payload, PayloadError> {
+        let payload = self.common.rules.apply(payload)?;
+        let Some(conversion) = self.conversion else { return Ok(payload) };
+        Ok(conversion.convert(payload, types::Stamp::now)?)
     }
 
     fn waited_for(&self) -> String {
-        format!("a request to {}", self.endpoint)
+        format!("a request to {}", self.common.endpoint)
     }
 
     /// Leaves kept replies to the library's thread, because the method may never be called again.
@@ -82,13 +92,13 @@ impl ServerEnd {
     }
 
     /// Takes the next request that can be served.
-    fn take(&self) -> Look<Option<endpoint::IncomingRequest>> {
+    fn take(&self) -> LookResult<Option<endpoint::IncomingRequest>> {
         let mut state = self.state.lock();
         loop {
             match state.server.take() {
-                Ok(Some(request)) => return Look::Found(Some(request)),
-                Ok(None) if !self.should_wait => return Look::Found(None),
-                Ok(None) => return Look::Again(state.server.deadline()),
+                Ok(Some(request)) => return LookResult::Found(Some(request)),
+                Ok(None) if !self.common.should_wait => return LookResult::Found(None),
+                Ok(None) => return LookResult::Again(state.server.deadline()),
                 Err(error) => self.say(&mut state, &error),
             }
         }
@@ -96,7 +106,7 @@ impl ServerEnd {
 
     fn say(&self, state: &mut Serving, error: &dyn std::fmt::Display) {
         if state.said.pass(self.clock.now()).is_some() {
-            tracing::warn!("{}: {error}", self.endpoint);
+            tracing::warn!("{}: {error}", self.common.endpoint);
         }
     }
 
@@ -187,6 +197,15 @@ impl ReceivedRequest<'_> {
         by_place.or_else(|| self.call.kwargs.get(name).cloned())
     }
 
+    /// Feedback of the goal that the request is.
+    pub fn feedback(&self) -> Feedback {
+        let goal = self.asked.and_then(|(index, id)| {
+            let server = self.session.channels.get(index)?.server.as_ref()?;
+            Some((server.goals.as_ref()?, GoalNumber(id.0)))
+        });
+        goal.map_or_else(Feedback::default, |(goals, number)| Feedback::of_goal(goals, number))
+    }
+
     /// Tells the client why its request is not served.
     pub fn refuse(mut self, reason: &str) {
         let method = &self.session.method;
@@ -266,7 +285,7 @@ impl Session {
     ) -> Result<(), MethodError> {
         let made = value
             .to_payload()
-            .and_then(|payload| payload.map(|payload| server.rules.apply(payload)).transpose());
+            .and_then(|payload| payload.map(|payload| server.converted(payload)).transpose());
         let payload = match made {
             Ok(Some(payload)) => payload,
             Ok(None) => {
@@ -275,13 +294,13 @@ impl Session {
             }
             Err(error) => {
                 heard.tell(&format!("what the method returned cannot be sent: {error}"));
-                return Err(self.unfit(&server.endpoint, error));
+                return Err(self.unfit(&server.common.endpoint, error));
             }
         };
         let Some((_, id)) = heard.asked.take() else { return Ok(()) };
         let replied = server.reply(id, Ok(payload)).map_err(|source| MethodError::Reply {
             method: self.method.clone(),
-            endpoint: server.endpoint.to_string(),
+            endpoint: server.common.endpoint.to_string(),
             source: Box::new(source),
         });
         self.leave_kept(server);
@@ -302,7 +321,11 @@ impl Session {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         let mut wait = self.begin_wait(None);
-        server.notifier.wait(&mut wait, runtime, || server.waited_for(), || server.take()).await
+        server
+            .common
+            .notifier
+            .wait(&mut wait, runtime, || server.waited_for(), || server.take())
+            .await
     }
 
     fn servers(&self) -> impl Iterator<Item = (usize, &Arc<ServerEnd>)> {
@@ -361,15 +384,8 @@ mod tests {
         let (sender, sent) = super::super::oneshot::channel();
         let flushes = Arc::new(AtomicUsize::new(0));
         let server = HardOfHearing { flushes: Arc::clone(&flushes), sent: Some(sender) };
-        let address = EndpointAddress { middleware: "test".to_owned(), name: "/x".to_owned() };
-        let options = EndOptions {
-            should_wait: true,
-            timeout: None,
-            rules: Rules::default(),
-            missing: Default::default(),
-        };
-        let context = endpoint::Context::default();
-        (ServerEnd::new(address, Box::new(server), &context, options), sent, flushes)
+        let common = EndCommon::of_test("test:/x", true);
+        (ServerEnd::new(common, Box::new(server), None, Clock::default()), sent, flushes)
     }
 
     #[test]

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use super::client::ClientEnd;
 use super::context::Live;
+use super::end::{EndCommon, EndStatus};
 use super::error::MethodError;
 use super::listener::ListenerEnd;
 use super::oneshot;
@@ -20,7 +21,7 @@ use super::server::ServerEnd;
 use super::wait::{Stop, Wait};
 use wrapyfi_data::returned::{PayloadError, Returned};
 use wrapyfi_data::types;
-use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Link};
+use wrapyfi_endpoint::EndpointAddress;
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
 /// writes. Functions that may wait are told whether a task waits: else they block the thread, and
@@ -46,33 +47,13 @@ pub(super) struct Channel {
 
 impl std::fmt::Debug for Channel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_list().entries(self.ends().map(|(endpoint, ..)| endpoint)).finish()
+        f.debug_list().entries(self.ends().map(|end| &end.endpoint)).finish()
     }
 }
 
 /// Messages taken for one call, by place of the value.
 #[derive(Debug, Default)]
 pub struct GatheredMessages(pub(super) Vec<Option<types::Payload>>);
-
-/// One end of a value, for status tables.
-///
-/// See [`ValueStatus`].
-///
-/// ```
-/// use wrapyfi_core::communicator::{EndStatus, ValueStatus};
-/// fn heard(status: &ValueStatus) -> u64 {
-///     status.ends.iter().map(|EndStatus { counters, .. }| counters.received).sum()
-/// }
-/// ```
-#[derive(Debug, Clone)]
-pub struct EndStatus {
-    /// Address of the endpoint.
-    pub endpoint: EndpointAddress,
-    /// Connection of the endpoint.
-    pub link: Link,
-    /// Numbers of messages that went through the endpoint and that it dropped.
-    pub counters: CountersSnapshot,
-}
 
 /// Status of the endpoints of one returned value.
 ///
@@ -107,23 +88,22 @@ pub struct ValueStatus {
 }
 
 impl Channel {
-    fn ends(&self) -> impl Iterator<Item = (&EndpointAddress, Link, CountersSnapshot)> {
-        let publisher =
-            self.publisher.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
-        let listener =
-            self.listener.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
-        let client = self.client.iter().map(ClientEnd::status);
-        let server = self.server.iter().map(|server| server.status());
-        publisher.chain(listener).chain(client).chain(server)
+    fn ends(&self) -> impl Iterator<Item = &EndCommon> {
+        let Self { publisher, listener, client, server, .. } = self;
+        let publisher = publisher.iter().map(|end| &end.common);
+        let listener = listener.iter().map(|end| &end.common);
+        let client = client.iter().map(|end| &end.common);
+        publisher.chain(listener).chain(client).chain(server.iter().map(|end| &end.common))
     }
 
     pub(super) fn status(&self) -> ValueStatus {
-        let ends = self.ends().map(|(endpoint, link, counters)| EndStatus {
-            endpoint: endpoint.clone(),
-            link,
-            counters,
-        });
-        ValueStatus { ends: ends.collect(), absent: self.absent.clone() }
+        let Self { publisher, listener, client, server, absent } = self;
+        let publisher = publisher.iter().map(|end| end.link());
+        let links = publisher.chain(listener.iter().map(ListenerEnd::link));
+        let links = links.chain(client.iter().map(ClientEnd::link));
+        let links = links.chain(server.iter().map(|end| end.link()));
+        let ends = self.ends().zip(links).map(|(end, link)| end.status(link)).collect();
+        ValueStatus { ends, absent: absent.clone() }
     }
 }
 
@@ -139,8 +119,10 @@ impl Session {
         let mut guard = GatherGuard { session: self, gathered: self.nothing() };
         // Values that are waited for come first, so that the others are taken when they are newest.
         for waits in [true, false] {
-            for (index, listener) in self.listeners().filter(|(_, it)| it.should_wait == waits) {
-                let mut wait = self.begin_wait(listener.timeout);
+            for (index, listener) in
+                self.listeners().filter(|(_, it)| it.common.should_wait == waits)
+            {
+                let mut wait = self.begin_wait(listener.common.timeout);
                 let payload = listener.take(&mut wait, runtime).await?;
                 guard.gathered.set(index, payload);
             }
@@ -163,15 +145,16 @@ impl Session {
         let Some(channel) = self.channels.get(index) else { return Ok(None) };
         let wrong = |source: PayloadError| MethodError::WrongType {
             method: self.method.clone(),
-            endpoint: channel.ends().next().map(|(end, ..)| end.to_string()).unwrap_or_default(),
+            endpoint: channel.ends().next().map(|end| end.endpoint.to_string()).unwrap_or_default(),
             source: Box::new(source),
         };
-        let rules = channel.listener.as_ref().map(|listener| &listener.rules);
-        let rules = rules.or(channel.client.as_ref().map(|client| &client.rules));
-        if let Some(rules) = rules {
-            rules.check(&payload).map_err(wrong)?;
+        let listener = channel.listener.as_ref().map(|listener| &listener.common);
+        if let Some(end) = listener.or(channel.client.as_ref().map(|client| &client.common)) {
+            end.rules.check(&payload).map_err(wrong)?;
         }
-        R::from_payload(payload).map(Some).map_err(wrong)
+        let field = channel.client.as_ref().and_then(|client| client.only_field(&payload));
+        let found = R::from_payload(payload);
+        found.or_else(|error| field.map_or(Err(error), R::from_payload)).map(Some).map_err(wrong)
     }
 
     /// Waits for the first listener of every value with the option `should_wait`.
@@ -182,12 +165,14 @@ impl Session {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
-            publisher.await_listener(&mut self.begin_wait(publisher.timeout), runtime).await?;
+            publisher
+                .await_listener(&mut self.begin_wait(publisher.common.timeout), runtime)
+                .await?;
         }
         Ok(())
     }
 
-    /// Publishes the value at `index`, if anybody listens. A transport that makes its sender wait
+    /// Publishes the value at `index`, if a program listens. A transport that makes its sender wait
     /// stops the library's thread where a task sends, and no executor's.
     ///
     /// # Errors
@@ -223,15 +208,16 @@ impl Session {
             publisher.skip();
             return Ok(None);
         }
-        let unfit = |source| self.unfit(&publisher.endpoint, source);
+        let unfit = |source| self.unfit(&publisher.common.endpoint, source);
         let Some(mut payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
         if publisher.in_ros
             && let types::Payload::NativeObject(object) = &mut payload
         {
             object.stamp = types::Stamp::now();
         }
-        let payload = publisher.rules.apply(payload).map_err(unfit)?;
-        Ok(Some((publisher, payload)))
+        let payload = publisher.common.rules.apply(payload).map_err(unfit)?;
+        let converted = publisher.conversion.convert(payload, types::Stamp::now);
+        Ok(Some((publisher, converted.map_err(|error| unfit(error.into()))?)))
     }
 
     /// Error for a value that has no form on the wire of `endpoint`.
@@ -247,7 +233,7 @@ impl Session {
     ) -> Result<(), MethodError> {
         result.map_err(|source| MethodError::Publish {
             method: self.method.clone(),
-            endpoint: publisher.endpoint.to_string(),
+            endpoint: publisher.common.endpoint.to_string(),
             source: Box::new(source),
         })
     }
@@ -271,12 +257,8 @@ impl Session {
 
     /// Makes all waiting calls look again.
     fn ring(&self) {
-        for Channel { publisher, listener, client, server, .. } in &self.channels {
-            publisher.iter().for_each(|end| end.changed.ring());
-            listener.iter().for_each(|end| end.notifier.ring());
-            client.iter().for_each(|end| end.notifier.ring());
-            server.iter().for_each(|end| end.notifier.ring());
-        }
+        let ends = self.channels.iter().flat_map(Channel::ends);
+        ends.for_each(|end| end.notifier.ring());
     }
 
     pub(super) fn nothing(&self) -> GatheredMessages {

@@ -4,19 +4,23 @@
 //!   encoding = "rgb8", qos = "latched", load_torch_device = "cpu" ─▶ Encoding, QosPreset, Plugins
 //! ```
 
-use super::option::{OptionError, OptionValue, Options};
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::{DeviceMaps, DeviceOption, Plugins};
 use wrapyfi_data::types::{DataType, Encoding, Map};
 use wrapyfi_endpoint::QosPreset;
+use wrapyfi_endpoint::function_action::{FEEDBACK, POLL, POLL_MS, UNTIL};
+use wrapyfi_endpoint::method::{OptionError, OptionValue, Options};
 
 /// Options that only some middlewares have, in the form in which they read them.
 pub(super) fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
     let mut map = Map::new();
-    for name in ["carrier", "out_topic_connect"] {
+    for name in ["carrier", "out_topic_connect", FEEDBACK, POLL, UNTIL] {
         if let Some(text) = options.text(name)? {
             map.insert(name, text);
         }
+    }
+    if let Some(every) = options.number::<i64>(POLL_MS)? {
+        map.insert(POLL_MS, every);
     }
     if let Some(persistent) = options.switch("persistent")? {
         map.insert("persistent", persistent);

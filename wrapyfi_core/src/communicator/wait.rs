@@ -11,8 +11,8 @@ use wrapyfi_endpoint::Link;
 const SAY_AFTER: Duration = Duration::from_secs(1);
 const SAY_EVERY: Duration = Duration::from_secs(5);
 
-/// Writes a line to standard error where the program has no subscriber of the log, because nobody
-/// would see why it stands still. False where it has one.
+/// Writes a line to standard error where the program has no subscriber of the log, whose user
+/// would not see why it stands still. False where it has one.
 pub(super) fn to_stderr(line: std::fmt::Arguments<'_>) -> bool {
     if tracing::dispatcher::has_been_set() {
         return false;

@@ -1,5 +1,6 @@
 //! Registered methods over the memory middleware: every mode, and what is said about mistakes.
 
+mod actions;
 mod mistakes;
 mod modes;
 mod requests;

@@ -8,7 +8,7 @@ use wrapyfi_data::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, 
 
 /// Long enough for the slowest machine; reached only by failures.
 const TIMEOUT_MS: u64 = 30_000;
-/// Pause before a message that nobody has heard is said once more.
+/// Pause before a message that no program has heard is said once more.
 const AGAIN: Duration = Duration::from_millis(200);
 
 pub struct Robot {
@@ -139,7 +139,7 @@ pub fn modes_change(mware: &str, here: &CommunicatorContext, there: &Communicato
         std::thread::scope(|scope| {
             scope.spawn(move || tell.send(hearer.state(mware, TIMEOUT_MS).unwrap()).unwrap());
             // A publisher may see the listener of the mode before still, whose end travels through
-            // the broker, and then its message reaches nobody: so it publishes until it is heard.
+            // the broker, and then its message reaches no listener: so it publishes until it is heard.
             let mut said = Vec::new();
             let heard = loop {
                 said.push(speaker.state(mware, TIMEOUT_MS).unwrap());
@@ -168,7 +168,7 @@ pub fn a_request_is_replied(mware: &str, here: &CommunicatorContext, there: &Com
     });
 }
 
-/// A wait ends in time where nobody publishes.
+/// A wait ends in time where no program publishes.
 pub fn a_wait_ends_in_time(mware: &str, here: &CommunicatorContext) {
     let mut ours = robot(here);
     ours.activate(RobotMethod::State, Mode::Listen).unwrap();

@@ -1,7 +1,7 @@
 //! Messages of every type arrive as they were sent.
 
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::{CompressedFormat, Encoding, MessageType, Payload, SampleFormat};
+use wrapyfi_data::types::{CompressedFormat, Encoding, MessageType, Payload, SampleFormat};
+use wrapyfi_endpoint::TopicSpec;
 
 use crate::payloads::{file, frame, in_frame, number, rich, sound};
 use crate::{Testbed, WireEnd, connect};

@@ -1,6 +1,6 @@
 //! Recipients of messages, and the order in which they get them.
 
-use wrapyfi_core::endpoint::QosPreset;
+use wrapyfi_endpoint::QosPreset;
 
 use crate::ends::ready;
 use crate::payloads::{number, numbers, text};

@@ -1,11 +1,11 @@
 //! Endpoints that exist are found, with their role, and those that went are gone.
 
-use wrapyfi_core::endpoint::{Discovered, Discovery, Role, Wake};
+use wrapyfi_endpoint::{Discovered, Discovery, Role, Wake};
 
 use crate::payloads::{number, text};
 use crate::{Testbed, WireEnd, connect, wait_until};
 
-/// Endpoints of the other side are found while somebody looks, and only while they exist. A
+/// Endpoints of the other side are found while a discovery looks, and only while they exist. A
 /// publisher sends meanwhile: a transport may know it by nothing else.
 pub fn what_exists_is_found_and_what_went_is_not<R: Testbed>() {
     let testbed = R::start();

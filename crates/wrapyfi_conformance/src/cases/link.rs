@@ -92,11 +92,11 @@ pub fn an_arrival_rings<R: Testbed>() {
 }
 
 /// Answers the rings so far.
-fn silence(wake: &wrapyfi_core::endpoint::Wake) {
+fn silence(wake: &wrapyfi_endpoint::Wake) {
     while wake.wait(std::time::Duration::ZERO) {}
 }
 
 #[track_caller]
-fn rings(wake: &wrapyfi_core::endpoint::Wake, why: &str) {
+fn rings(wake: &wrapyfi_endpoint::Wake, why: &str) {
     assert!(wake.wait(TIMEOUT), "nobody rang: {why}");
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
+use wrapyfi_endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
 
 use crate::payloads::{number, numbers, text};
 use crate::{TIMEOUT, Testbed, WireEnd, connect, wait_until};
@@ -14,7 +14,7 @@ fn queued(overflow: Overflow) -> TopicSpec {
     TopicSpec { queue: QueueSpec { depth: DEPTH, overflow }, ..text("/slow") }
 }
 
-/// Sends while nobody takes; what is taken afterwards.
+/// Sends while the listener takes nothing; what is taken afterwards.
 #[track_caller]
 fn overflow<R: Testbed>(policy: Overflow, kept: std::ops::Range<u64>) {
     let testbed = R::start();

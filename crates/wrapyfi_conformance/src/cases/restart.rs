@@ -3,8 +3,8 @@
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{Overflow, PublishError, Wake};
+use wrapyfi_data::Limits;
+use wrapyfi_endpoint::{Overflow, PublishError, Wake};
 
 use crate::alone::{run_alone, threads};
 use crate::ends::ready;

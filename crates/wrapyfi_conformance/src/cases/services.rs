@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{CallError, DropReason, Request, ServeError, ServiceSpec};
-use wrapyfi_core::types::{
+use wrapyfi_data::types::{
     AudioChunk, DataType, Encoding, Image, Map, Payload, Pixels, SampleFormat, ServiceKind, Stamp,
     Value,
 };
-use wrapyfi_core::{DecodeError, EncodeError};
+use wrapyfi_data::{DecodeError, EncodeError};
+use wrapyfi_endpoint::{CallError, DropReason, Request, ServeError, ServiceSpec};
 
 use crate::ends::unusable;
 use crate::payloads::{frame, rich, sound};
@@ -91,18 +91,23 @@ pub fn every_kind_is_returned<R: Testbed>() {
             DataType::AudioChunk => vec![sound(441, 2, SampleFormat::F32Le)],
             _ => vec![rich(), list([])],
         };
-        for payload in payloads {
+        let conversion = ServiceSpec::new("/kind", kind).conversion();
+        let converted = |payload: Payload| match &conversion {
+            Some(conversion) => conversion.convert(payload, Stamp::now).unwrap(),
+            None => payload,
+        };
+        for payload in payloads.into_iter().map(converted) {
             let ticket = client_end.ask([7.into()]);
             let asked = server_end.receive();
             server_end.answer(asked.id, payload.clone());
             let reply = client_end.await_with(ticket, || _ = server_end.take());
             let Ok(reply) = reply else { panic!("{kind}: {reply:?}") };
             match reply {
-                // A camera's picture that becomes a file is not the same bytes.
-                Payload::Image(image)
+                // A file that goes as pixels, because a wire has no other form, does not become the same bytes again.
+                Payload::Image(Image { pixels: Pixels::Raw(raw), .. })
                     if kind == ServiceKind::CompressedImage && R::CAPABILITIES.wire =>
                 {
-                    assert!(matches!(image.pixels, Pixels::Compressed { .. }), "{kind}");
+                    assert!(raw.width > 0, "{kind}");
                 }
                 reply => assert!(timed::<R>(&reply) == timed::<R>(&payload), "{kind}: {reply:?}"),
             }

@@ -1,15 +1,16 @@
-//! Conversion of payloads to another kind, for routes whose ends carry different types.
+//! Conversion of payloads to another kind, and of pictures to another form, for routes whose ends
+//! carry different types. Routes, methods of the communicator and commands call it with the type of
+//! their endpoint; encoders refuse a picture of the other form.
 //!
 //! ```text
 //!   NativeObject (array, Pillow image) ◀─▶ Image
 //!   NativeObject (array, rate)         ◀─▶ AudioChunk
 //!   NativeObject (dict)                ◀─▶ Properties
 //!   NativeObject (dict of its fields)  ◀─▶ RosMessage
+//!   Image: pixels                      ◀─▶ Image: file
 //! ```
 
-use std::borrow::Cow;
-
-use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, ros};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, jpeg, ros};
 use crate::Limits;
 use crate::types::{
     DataType, Encoding, Header, MessageType, NativeObject, Payload, Properties, RosMessage,
@@ -20,11 +21,11 @@ use crate::types::{
 ///
 /// ```
 /// use wrapyfi_data::Limits;
-/// use wrapyfi_data::codec::{ConvertError, convert_payload};
+/// use wrapyfi_data::codec::{Conversion, ConvertError};
 /// use wrapyfi_data::types::{Encoding, MessageType, Stamp, Value};
-/// let text = Value::from("no picture").into();
-/// let (to, order) = (MessageType::Image, Encoding::Bgr8);
-/// let error = convert_payload(text, to, order, &Limits::default(), Stamp::now).unwrap_err();
+/// let (to, color_order, limits) = (MessageType::Image, Encoding::Bgr8, Limits::default());
+/// let conversion = Conversion { to, color_order, limits };
+/// let error = conversion.convert(Value::from("no picture").into(), Stamp::now).unwrap_err();
 /// assert!(matches!(error, ConvertError::From(_)));
 /// assert_eq!(error.to_string(), "expected an image: an array or a Pillow image, received str");
 /// ```
@@ -59,20 +60,48 @@ pub fn properties_to_set(payload: &Payload, limit: usize) -> EncodeResult<(&Prop
     Ok((properties, size))
 }
 
-/// True when [`convert_payload`] can convert one kind to the other.
+/// True when [`Conversion::convert`] can convert one kind to the other.
 pub fn is_convertible(from: DataType, to: DataType) -> bool {
     from == to || from == DataType::NativeObject || to == DataType::NativeObject
 }
 
-/// Converts `payload` to the kind of messages of type `to`; free where it is of that kind already.
-/// Colour arrays are in `color_order`. The header goes along; a native object without a time takes
-/// `now`.
+/// Type to which payloads are converted, and what the conversion goes by.
 ///
-/// # Errors
-/// A mismatch when the object is none of what [`crate::types::Image::from_value`],
-/// [`crate::types::AudioChunk::from_value`], [`crate::types::Properties::from_value`] or
-/// [`RosMessage::from_value`] reads, or a message is of another type.
-pub fn convert_payload(
+/// See [`ConvertError`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conversion {
+    /// Type of the messages that the payloads are to be.
+    pub to: MessageType,
+    /// Channel order of colour arrays and of decompressed pictures.
+    pub color_order: Encoding,
+    /// Bounds on the result.
+    pub limits: Limits,
+}
+
+impl Conversion {
+    /// Converts `payload` to the kind of messages of the type, and a picture to pixels or a file as
+    /// the type has it; free where it is that already. The header goes along; a native object
+    /// without a time takes `now`.
+    ///
+    /// # Errors
+    /// A mismatch when the object is none of what [`crate::types::Image::from_value`],
+    /// [`crate::types::AudioChunk::from_value`], [`crate::types::Properties::from_value`] or
+    /// [`RosMessage::from_value`] reads, or a message is of another type; when a picture has no such
+    /// form, is broken, or would exceed the message size.
+    pub fn convert(
+        &self,
+        payload: Payload,
+        now: impl FnOnce() -> Stamp,
+    ) -> Result<Payload, ConvertError> {
+        let Self { to, color_order, limits } = *self;
+        Ok(match to_kind(payload, to, color_order, &limits, now)? {
+            Payload::Image(image) => jpeg::convert(image, to, color_order, &limits)?.into(),
+            other => other,
+        })
+    }
+}
+
+fn to_kind(
     payload: Payload,
     to: MessageType,
     color_order: Encoding,
@@ -84,7 +113,14 @@ pub fn convert_payload(
         Some(object.stamp).filter(|&stamp| stamp != Stamp::default()).unwrap_or_else(now)
     };
     if let MessageType::Ros(ros_type) = to {
-        return ros_message(payload, ros_type, limits, time);
+        return match payload {
+            Payload::RosMessage(message) if message.ros_type == ros_type => Ok(message.into()),
+            Payload::NativeObject(object) => {
+                let stamp = time(&object);
+                Ok(message_of(*object, ros_type, limits, stamp)?.into())
+            }
+            other => Err(mismatch(&ros_type, &other)),
+        };
     }
     Ok(match (payload, to.data_type()) {
         (payload, kind) if payload.data_type() == kind => payload,
@@ -116,58 +152,25 @@ pub fn convert_payload(
     })
 }
 
-/// Converts what came as [`convert_payload`] does, and a picture to the form of the type as [`fitted`] does; what
-/// messages of type `to` cannot carry is the sender's fault.
-///
-/// # Errors
-/// As [`convert_payload`] and [`fitted`].
-pub fn received_as(
-    payload: Payload,
-    to: MessageType,
-    color_order: Encoding,
-    limits: &Limits,
-    now: Stamp,
-) -> DecodeResult<Payload> {
-    let converted = convert_payload(payload, to, color_order, limits, || now);
-    let fit = converted.and_then(|payload| match fitted(&payload, to, color_order, limits)? {
-        Cow::Owned(fit) => Ok(fit),
-        Cow::Borrowed(_) => Ok(payload),
-    });
-    fit.map_err(|error| match error {
-        ConvertError::From(error) => error,
-        ConvertError::To(EncodeError::TooLarge { actual, limit }) => {
-            DecodeError::TooLarge { what: "message", path: "$".into(), actual, limit }
-        }
-        ConvertError::To(error) => DecodeError::mismatch(to.to_string(), error.to_string()),
-    })
-}
-
 fn mismatch(expected: &impl ToString, actual: &Payload) -> ConvertError {
     let (expected, actual) = (expected.to_string(), ros::describe(actual));
     EncodeError::mismatch(expected, actual).into()
 }
 
-fn ros_message(
-    payload: Payload,
+/// Reads a message from the dict of its fields; `stamp` is the time of a header that the dict leaves out.
+///
+/// # Errors
+/// A mismatch when it is no such dict, or the message would exceed the message size.
+pub fn message_of(
+    object: NativeObject,
     to: RosType,
     limits: &Limits,
-    time: impl FnOnce(&NativeObject) -> Stamp,
-) -> Result<Payload, ConvertError> {
-    match payload {
-        Payload::RosMessage(message) if message.ros_type == to => Ok(message.into()),
-        Payload::NativeObject(object) => {
-            let (stamp, kind) = (time(&object), object.kind());
-            let NativeObject { frame_id, value, .. } = *object;
-            let header = || Header { stamp, frame_id };
-            let read = RosMessage::from_value_with(to, value, header, limits.message_bytes);
-            Ok(read
-                .map_err(|error| {
-                    DecodeError::mismatch(to.to_string(), format!("a {kind}: {error}"))
-                })?
-                .into())
-        }
-        other => Err(mismatch(&to, &other)),
-    }
+    stamp: Stamp,
+) -> DecodeResult<RosMessage> {
+    let NativeObject { frame_id, value, .. } = object;
+    let (kind, header) = (value.kind(), || Header { stamp, frame_id });
+    RosMessage::from_value_with(to, value, header, limits.message_bytes)
+        .map_err(|error| DecodeError::mismatch(to.to_string(), format!("a {kind}: {error}")))
 }
 
 #[cfg(test)]
@@ -179,7 +182,18 @@ mod tests {
     fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
         let to = to.to_string().parse::<MessageType>().unwrap();
         let now = Stamp { sec: 7, nanosec: 5 };
-        convert_payload(payload.into(), to, Encoding::Bgr8, &Limits::default(), || now)
+        let (color_order, limits) = (Encoding::Bgr8, Limits::default());
+        Conversion { to, color_order, limits }.convert(payload.into(), || now)
+    }
+
+    #[test]
+    fn pixels_of_the_type_already_are_not_copied() {
+        let raw = RawPixels::dense(4, 2, Encoding::Bgr8, vec![7; 24]).unwrap();
+        let (stamp, pixels) = (Stamp { sec: 1, nanosec: 2 }, raw.data.as_ptr());
+        let Ok(Payload::Image(image)) = convert(Image::new(stamp, raw), DataType::Image) else {
+            panic!()
+        };
+        assert!(matches!(image.pixels, Pixels::Raw(raw) if raw.data.as_ptr() == pixels));
     }
 
     #[test]
@@ -235,7 +249,9 @@ mod tests {
         let joints = MessageType::resolve(joints, &mut TypeStore::generated()).unwrap();
         let into = |object: NativeObject, to| {
             let (limits, now) = (Limits::default(), || Stamp { sec: 7, nanosec: 5 });
-            convert_payload(object.into(), to, Encoding::Bgr8, &limits, now).unwrap()
+            Conversion { to, color_order: Encoding::Bgr8, limits }
+                .convert(object.into(), now)
+                .unwrap()
         };
         let dict = Value::from(Map::new());
         for (stamp, wanted) in [(0, 7), (3, 3)] {

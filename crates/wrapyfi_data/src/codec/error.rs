@@ -6,10 +6,11 @@
 /// whole.
 ///
 /// ```
-/// # mod wrapyfi_core { pub use wrapyfi_data::{DecodeError, Limits, codec}; }
+/// # mod wrapyfi_core { pub use wrapyfi_data::{DecodeError, Limits, codec, plugin}; }
 /// use wrapyfi_core::{DecodeError, Limits};
 /// use wrapyfi_core::codec::json;
-/// let error = json::decode(&"[1, 2, maybe]".into(), &Limits::default()).unwrap_err();
+/// use wrapyfi_core::plugin::Plugins;
+/// let error = json::decode(&"[1, 2, maybe]".into(), &Limits::default(), &Plugins::none()).unwrap_err();
 /// assert!(matches!(&error, DecodeError::Malformed { format: "JSON", path, .. } if path == "$[2]"), "{error}");
 /// let error = DecodeError::too_large(200, 100);
 /// assert_eq!(error.to_string(), "message at $ is 200, the limit is 100 (raise max_message_mib)");
@@ -100,14 +101,15 @@ impl DecodeError {
 ///
 /// ```
 /// # mod wrapyfi_core {
-/// #     pub use wrapyfi_data::{Limits, types};
+/// #     pub use wrapyfi_data::{Limits, plugin, types};
 /// #     pub mod codec { pub use wrapyfi_data::{DecodeResult, codec::json}; }
 /// # }
 /// use wrapyfi_core::Limits;
 /// use wrapyfi_core::codec::{DecodeResult, json};
+/// use wrapyfi_core::plugin::Plugins;
 /// use wrapyfi_core::types::Value;
 /// fn speed(text: &str) -> DecodeResult<Option<f64>> {
-///     let value = json::decode(&text.to_owned().into(), &Limits::default())?;
+///     let value = json::decode(&text.to_owned().into(), &Limits::default(), &Plugins::none())?;
 ///     Ok(value.get("speed").and_then(Value::as_f64))
 /// }
 /// assert_eq!(speed(r#"{"speed": 1.5}"#), Ok(Some(1.5)));
@@ -121,11 +123,12 @@ fn remedy(what: &str) -> &'static str {
 /// Error of encoding a payload.
 ///
 /// ```
-/// # mod wrapyfi_core { pub use wrapyfi_data::{EncodeError, codec, types}; }
+/// # mod wrapyfi_core { pub use wrapyfi_data::{EncodeError, codec, plugin, types}; }
 /// use wrapyfi_core::EncodeError;
 /// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::plugin::Plugins;
 /// use wrapyfi_core::types::Value;
-/// let error = json::encode(&vec![Value::Bytes("raw".into())].into()).unwrap_err();
+/// let error = json::encode(&vec![Value::Bytes("raw".into())].into(), &Plugins::none()).unwrap_err();
 /// assert!(matches!(&error, EncodeError::Unrepresentable { path, .. } if path == "$[0]"));
 /// assert!(error.to_string().starts_with("JSON cannot hold 3 raw bytes at $[0]; "));
 /// ```
@@ -196,14 +199,15 @@ impl EncodeError {
 ///
 /// ```
 /// # mod wrapyfi_core {
-/// #     pub use wrapyfi_data::{EncodeError, types};
+/// #     pub use wrapyfi_data::{EncodeError, plugin, types};
 /// #     pub mod codec { pub use wrapyfi_data::{EncodeResult, codec::json}; }
 /// # }
 /// use wrapyfi_core::EncodeError;
 /// use wrapyfi_core::codec::{EncodeResult, json};
+/// use wrapyfi_core::plugin::Plugins;
 /// use wrapyfi_core::types::Value;
 /// fn small(value: &Value) -> EncodeResult<Vec<u8>> {
-///     let text = json::encode(value)?;
+///     let text = json::encode(value, &Plugins::none())?;
 ///     EncodeError::check_size(text.len(), 8)?;
 ///     Ok(text)
 /// }

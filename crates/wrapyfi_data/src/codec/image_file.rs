@@ -139,7 +139,7 @@ fn encoded(color: ColorType, pixels: Vec<u8>) -> Option<(Encoding, Vec<u8>)> {
 ///
 /// # Errors
 /// As [`decode`].
-pub(crate) fn decode_inks(file: &[u8], limits: &Limits) -> DecodeResult<Option<RawPixels>> {
+pub fn decode_inks(file: &[u8], limits: &Limits) -> DecodeResult<Option<RawPixels>> {
     if !matches!(known_format(file), Ok((ImageFormat::Tiff, _))) {
         return Ok(None);
     }
@@ -214,18 +214,13 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPi
 }
 
 /// Writes pixels as a file from which they are read unchanged: PNG, or TIFF for 32-bit grey.
-/// `bgr8` and `bgra8` become `rgb8` and `rgba8`. With `bits`, `mono8` is written as one bit a pixel:
-/// black for 0, white for everything else.
+/// `bgr8` and `bgra8` become `rgb8` and `rgba8`. One of Pillow's modes may change that: `1` writes `mono8` as one bit a
+/// pixel, black for 0, white for everything else; `P` as a palette of greys; `CMYK` takes four bytes a pixel for inks,
+/// whatever their encoding says.
 ///
 /// # Errors
 /// When the picture is empty, or of an encoding that neither format has.
-pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
-    encode_mode(pixels, bits.then_some("1"))
-}
-
-/// As [`encode`], for one of Pillow's modes: `1` is bits; `P` is `mono8` as a palette of greys;
-/// `CMYK` is four bytes a pixel that are inks, whatever their encoding says.
-pub(crate) fn encode_mode(pixels: &RawPixels, mode: Option<&str>) -> Result<Bytes, EncodeError> {
+pub fn encode(pixels: &RawPixels, mode: Option<&str>) -> Result<Bytes, EncodeError> {
     let bits = mode == Some("1");
     let dense = pixels.to_dense();
     let dense = match dense.encoding {
@@ -304,7 +299,7 @@ fn tiff_file(dense: &RawPixels) -> Result<Bytes, tiff::TiffError> {
 }
 
 /// Packs rows of bytes into rows of bits, the first pixel in the highest, rows padded to bytes.
-pub(crate) fn pack_bits(pixels: &[u8], width: usize) -> Vec<u8> {
+fn pack_bits(pixels: &[u8], width: usize) -> Vec<u8> {
     let eight = |pixels: &[u8]| {
         pixels.iter().enumerate().fold(0_u8, |bits, (index, &pixel)| {
             bits | (u8::from(pixel != 0) << (7_usize.saturating_sub(index)))
@@ -313,8 +308,8 @@ pub(crate) fn pack_bits(pixels: &[u8], width: usize) -> Vec<u8> {
     pixels.chunks(width.max(1)).flat_map(|row| row.chunks(8).map(eight)).collect()
 }
 
-/// Undoes [`pack_bits`]: 255 for a set bit.
-pub(crate) fn unpack_bits(bits: &[u8], width: usize) -> Vec<u8> {
+/// Undoes `pack_bits`: 255 for a set bit.
+pub fn unpack_bits(bits: &[u8], width: usize) -> Vec<u8> {
     bits.chunks(width.div_ceil(8).max(1))
         .flat_map(|row| {
             let pixels = row.iter().flat_map(|byte| (0..8).rev().map(move |at| byte >> at & 1));
@@ -376,11 +371,9 @@ mod tests {
     #[test]
     fn the_size_is_checked_before_the_picture_is_made() {
         let pixels = RawPixels::dense(200, 100, Encoding::Rgb8, vec![7; 60_000]).unwrap();
-        for (raw, bits) in [
-            (pixels, false),
-            (RawPixels::dense(200, 75, Encoding::F32C1, vec![0; 60_000]).unwrap(), false),
-        ] {
-            let file = encode(&raw, bits).unwrap();
+        let floats = RawPixels::dense(200, 75, Encoding::F32C1, vec![0; 60_000]).unwrap();
+        for raw in [pixels, floats] {
+            let file = encode(&raw, None).unwrap();
             let limits = Limits { message_bytes: 59_999, ..Limits::default() };
             let error = decode(&file, &limits, None).unwrap_err();
             let (actual, limit) = (60_000, 59_999);
@@ -405,7 +398,7 @@ mod tests {
             let size = (width * height) as usize * encoding.bytes_per_pixel();
             let data: Vec<u8> = (0..size as u64).map(|i| (i.wrapping_mul(seed) >> 7) as u8).collect();
             let raw = RawPixels::dense(width, height, encoding, data).unwrap();
-            let file = encode(&raw, false).unwrap();
+            let file = encode(&raw, None).unwrap();
             prop_assert_eq!(decode(&file, &Limits::default(), Some(encoding)).unwrap(), raw);
         }
 
@@ -416,7 +409,7 @@ mod tests {
             let encoding = [Encoding::Rgb8, Encoding::F32C1][kind];
             let size = 9 * 7 * encoding.bytes_per_pixel();
             let raw = RawPixels::dense(9, 7, encoding, vec![5; size]).unwrap();
-            let file = encode(&raw, false).unwrap();
+            let file = encode(&raw, None).unwrap();
             let mut broken = file.to_vec();
             let at = at % broken.len();
             broken[at] = byte;

@@ -5,8 +5,6 @@
 //!   file ── header (size, scans: checked first) ── decode into the wanted channel order ──▶ RawPixels
 //! ```
 
-use std::borrow::Cow;
-
 use bytes::Bytes;
 
 use super::error::{DecodeError, EncodeError, EncodeResult};
@@ -45,24 +43,18 @@ pub fn convert(
     Ok(Image { pixels, ..image })
 }
 
-/// Converts a picture as [`convert`] to the form of type `to`; other payloads stay as they are.
+/// Checks that a picture has the form of messages of type `to`: pixels, or a file.
 ///
 /// # Errors
-/// As [`convert`].
-pub fn fitted<'p>(
-    payload: &'p Payload,
-    to: MessageType,
-    color_order: Encoding,
-    limits: &Limits,
-) -> EncodeResult<Cow<'p, Payload>> {
-    let Payload::Image(image) = payload else { return Ok(Cow::Borrowed(payload)) };
+/// A mismatch when it has the other one.
+pub fn check_form(payload: &Payload, to: MessageType) -> EncodeResult<()> {
+    let Payload::Image(image) = payload else { return Ok(()) };
     match (&image.pixels, to) {
         (Pixels::Raw(_), MessageType::CompressedImage)
         | (Pixels::Compressed { .. }, MessageType::Image) => {
-            let image = convert(image.clone(), to, color_order, limits)?;
-            Ok(Cow::Owned(Payload::Image(image)))
+            Err(EncodeError::mismatch(to.ros_type(), super::ros::describe(payload)))
         }
-        _ => Ok(Cow::Borrowed(payload)),
+        _ => Ok(()),
     }
 }
 
@@ -215,7 +207,7 @@ mod tests {
     #[test]
     fn a_png_file_becomes_pixels() {
         let limits = Limits::default();
-        let file = crate::codec::image_file::encode(&picture(Encoding::Rgb8, &[9, 90, 200]), false)
+        let file = crate::codec::image_file::encode(&picture(Encoding::Rgb8, &[9, 90, 200]), None)
             .unwrap();
         let png = |data| {
             let pixels = Pixels::Compressed { format: CompressedFormat::Png, data };

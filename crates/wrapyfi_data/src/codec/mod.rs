@@ -14,13 +14,9 @@
 //! | [`ros1`] | the ROS 1 messages of the data model | docs/reference/ros1.md |
 //! | [`jpeg`] | JPEG files, with feature `jpeg` | |
 //! | `image_file` | with feature `pictures`, image files of other formats | |
-//! | [`pickle`] | pickles of plug-in objects, as data | docs/reference/wire/pickle.md |
 
-#[cfg(any(feature = "torch", feature = "zarr"))]
-pub(crate) mod archive;
 pub mod convert;
 mod error;
-#[cfg(any(feature = "pictures", feature = "torch", feature = "zarr"))]
 mod fields;
 #[cfg(feature = "pictures")]
 pub mod image_file;
@@ -34,14 +30,15 @@ mod jpeg_header;
 pub mod json;
 pub mod npy;
 mod path;
-pub mod pickle;
 pub mod picture;
 pub mod ros;
 pub mod ros1;
 pub mod sound;
 
-pub use convert::{ConvertError, convert_payload, is_convertible, properties_to_set, received_as};
+pub use convert::{Conversion, ConvertError, is_convertible, message_of, properties_to_set};
 pub use error::{DecodeError, DecodeResult, EncodeError, EncodeResult};
-pub use jpeg::{convert, fitted};
+pub use fields::Fields;
+pub use jpeg::{check_form, convert};
+pub use path::{SHOWN, quote};
 
 pub(crate) use path::Path;

@@ -13,8 +13,8 @@ pub(crate) enum Path<'a> {
     Index(&'a Self, usize),
 }
 
-/// Characters of foreign text that are shown.
-pub(super) const SHOWN: usize = 40;
+/// Number of characters of foreign text that an error shows.
+pub const SHOWN: usize = 40;
 
 impl fmt::Display for Path<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -33,8 +33,8 @@ impl fmt::Display for Path<'_> {
     }
 }
 
-/// Text of a message for an error: short, and quoted.
-pub(super) fn quote(text: &str) -> String {
+/// Writes text of a message for an error: short, and quoted.
+pub fn quote(text: &str) -> String {
     match text.char_indices().nth(SHOWN) {
         None => format!("{text:?}"),
         Some((end, _)) => format!("{:?}…", text.get(..end).unwrap_or_default()),

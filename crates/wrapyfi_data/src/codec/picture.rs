@@ -10,7 +10,7 @@ use crate::Limits;
 use crate::types::{Dtype, Encoding, Image, MessageType, Pixels, RawPixels, Stamp, Tensor, Value};
 
 /// Mode of a picture of four inks a pixel: no encoding has them, the mode says what the channels are.
-pub(crate) const INKS: &str = "CMYK";
+pub const INKS: &str = "CMYK";
 
 impl Image {
     /// The picture in a native object: a Pillow image, or an array as OpenCV and Wrapyfi have them,

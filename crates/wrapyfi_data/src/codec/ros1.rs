@@ -21,7 +21,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::AudioChunk;
 use super::ros::{audio, countable, describe, image, plain};
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::Limits;
-use crate::plugin_api::Plugins;
+use crate::plugin::Plugins;
 use crate::types::{MessageType, Payload, Value};
 
 /// Name of the format in errors.
@@ -64,7 +64,7 @@ impl Ros1Type {
         Some(Self { name: name.to_owned(), md5: md5.to_owned(), definition })
     }
 
-    /// True where somebody who wants `md5` can use it.
+    /// True where a program that wants `md5` can use it.
     pub fn fits(&self, md5: &str) -> bool {
         md5 == "*" || self.md5 == "*" || self.md5 == md5
     }
@@ -106,7 +106,7 @@ pub fn encode(
 ) -> EncodeResult<Vec<Bytes>> {
     let message = match (payload, message_type) {
         (Payload::NativeObject(value), MessageType::NativeObject | MessageType::StringJson) => {
-            text(&json::encode_with(value, plugins)?.into())?
+            text(&json::encode(value, plugins)?.into())?
         }
         (Payload::NativeObject(value), MessageType::Text) => {
             text(&Bytes::copy_from_slice(plain(value)?.as_bytes()))?

@@ -42,27 +42,27 @@ const UNITS: [(&str, TimeUnit); 4] = [
 ];
 
 /// A unit of time by NumPy's and PyArrow's name: `s`, `ms`, `us` or `ns`.
-pub(crate) fn unit(name: &str) -> Option<TimeUnit> {
+pub fn unit(name: &str) -> Option<TimeUnit> {
     UNITS.iter().find(|(known, _)| *known == name).map(|(_, unit)| *unit)
 }
 
 /// Name of a unit of time.
-pub(crate) fn unit_name(unit: TimeUnit) -> &'static str {
+pub fn unit_name(unit: TimeUnit) -> &'static str {
     UNITS.iter().find(|(_, known)| *known == unit).map_or("", |(name, _)| name)
 }
 
 /// Type of plain numbers with this name.
-pub(crate) fn number_type(name: &str) -> Option<DataType> {
+pub fn number_type(name: &str) -> Option<DataType> {
     NUMBERS.iter().find(|(known, ..)| *known == name).map(|(_, found, _)| found.clone())
 }
 
 /// Name of a type of plain numbers.
-pub(crate) fn number_name(data_type: &DataType) -> Option<&'static str> {
+pub fn number_name(data_type: &DataType) -> Option<&'static str> {
     NUMBERS.iter().find(|(_, known, _)| known == data_type).map(|(name, ..)| *name)
 }
 
 /// Element type of the tensor that holds the values of a type; `None` for one without a fixed width.
-pub(crate) fn dtype_of(data_type: &DataType) -> Option<Dtype> {
+pub fn dtype_of(data_type: &DataType) -> Option<Dtype> {
     match data_type {
         DataType::Timestamp(..) | DataType::Duration(_) => Some(Dtype::I64),
         other => NUMBERS.iter().find(|(_, known, _)| known == other).map(|(.., dtype)| *dtype),
@@ -70,7 +70,7 @@ pub(crate) fn dtype_of(data_type: &DataType) -> Option<Dtype> {
 }
 
 /// A decimal number, such as `-1.50`, in units of `10^-scale`.
-pub(crate) fn decimal(text: &str, scale: i8) -> Option<i128> {
+pub fn decimal(text: &str, scale: i8) -> Option<i128> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     if !fraction.bytes().all(|b| b.is_ascii_digit()) {
         return None;
@@ -92,7 +92,7 @@ pub(crate) fn decimal(text: &str, scale: i8) -> Option<i128> {
 }
 
 /// Elements of an array of fixed width, missing ones included.
-pub(crate) fn elements(array: &ArrayRef) -> Option<Tensor> {
+pub fn elements(array: &ArrayRef) -> Option<Tensor> {
     let dtype = dtype_of(array.data_type())?;
     if let Some(values) = array.as_boolean_opt() {
         let bytes: Vec<u8> = values.iter().map(|value| u8::from(value == Some(true))).collect();
@@ -109,7 +109,7 @@ pub(crate) fn elements(array: &ArrayRef) -> Option<Tensor> {
 ///
 /// # Errors
 /// When `data` is shorter than `length` elements.
-pub(crate) fn fixed(
+pub fn fixed(
     data_type: DataType,
     length: usize,
     data: Bytes,
@@ -130,7 +130,7 @@ pub(crate) fn fixed(
 }
 
 /// Columns as a table, also where there are none.
-pub(crate) fn batch(
+pub fn batch(
     schema: Schema,
     columns: Vec<ArrayRef>,
     rows: usize,

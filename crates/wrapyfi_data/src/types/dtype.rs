@@ -47,7 +47,7 @@ impl Dtype {
     }
 
     /// Size in bytes of the scalar that byte order applies to: a complex number is two floats.
-    pub(crate) fn scalar_size(self) -> usize {
+    pub fn scalar_size(self) -> usize {
         match self {
             Self::C64 | Self::C128 => self.size() / 2,
             _ => self.size(),

@@ -76,7 +76,7 @@ pub(super) fn copy_from_bytes<T: Element>(bytes: &[u8]) -> Vec<T> {
 }
 
 /// Bytes of `elements`, little-endian, without a copy on little-endian machines.
-pub(crate) fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
+pub fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
     struct Owner<T>(Vec<T>);
     impl<T: Element> AsRef<[u8]> for Owner<T> {
         fn as_ref(&self) -> &[u8] {
@@ -92,7 +92,7 @@ pub(crate) fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
 }
 
 /// Turns big-endian scalars of `width` bytes into little-endian ones and back.
-pub(crate) fn swap_byte_order(bytes: &mut [u8], width: usize) {
+pub fn swap_byte_order(bytes: &mut [u8], width: usize) {
     if width > 1 {
         bytes.chunks_exact_mut(width).for_each(<[u8]>::reverse);
     }

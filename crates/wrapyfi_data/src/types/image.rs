@@ -216,7 +216,7 @@ impl RawPixels {
         if encoding == self.encoding {
             return self;
         }
-        // In place when nobody else holds the bytes.
+        // In place when no other owner holds the bytes.
         let mut data = self.data.try_into_mut().unwrap_or_else(|shared| BytesMut::from(&*shared));
         let row = row_bytes(self.width, encoding).unwrap_or_default();
         let step = (self.step as usize).max(1);

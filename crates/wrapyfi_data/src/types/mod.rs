@@ -13,7 +13,7 @@
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
 #[cfg(feature = "tables")]
-pub(crate) mod arrow;
+pub mod arrow;
 mod audio;
 #[cfg(feature = "candle")]
 mod candle;
@@ -32,6 +32,7 @@ mod parameter;
 mod parameter_message;
 mod payload;
 mod properties;
+mod ros_action;
 mod ros_message;
 mod ros_service;
 mod ros_type;
@@ -55,25 +56,26 @@ pub use self::candle::CandleError;
 pub use audio::{AudioChunk, SampleFormat};
 pub use datetime::{DateTime, ParseDateTimeError};
 pub use dtype::Dtype;
-pub use element::Element;
+pub use element::{Element, into_bytes, swap_byte_order};
 pub use header::{Header, HeaderChange};
 pub use image::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
 pub use labelled::{Labelled, LabelledContent, Picture, Quantity, Variable};
 pub use map::Map;
 pub use native_object::NativeObject;
-pub use nested::nested_list;
+pub use nested::{nested_list, rectangular};
 pub use object::{ForeignObject, PluginObject};
 pub use origin::Origin;
 pub use parameter::{ParameterType, ParameterValue};
 pub use parameter_message::UnknownType;
 pub use payload::{DataType, MessageType, MessageTypeError, ParseTypeError, Payload};
 pub use properties::{Properties, PropertiesError};
+pub use ros_action::RosAction;
 pub use ros_message::RosMessage;
 pub use ros_service::RosService;
 pub use ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
 pub use ros_value::{RosValueError, fields_of, fields_of_call, fields_of_return, value_of};
 pub use service_kind::ServiceKind;
-pub use shape::ShapeError;
+pub use shape::{ShapeError, element_count};
 pub use stamp::Stamp;
 pub use table::Table;
 pub use tensor::{NumpyArray, Tensor};
@@ -82,7 +84,4 @@ pub use typed::as_tensor;
 pub use typed::{MAX_DEPTH, TypedError, from_value, to_value};
 pub use value::{Tagged, Value};
 
-pub(crate) use element::{into_bytes, swap_byte_order};
 pub(crate) use map::unique_members;
-pub(crate) use nested::rectangular;
-pub(crate) use shape::element_count;

@@ -16,7 +16,7 @@ const EXACT: u64 = 1 << 53;
 /// Converts nested lists of equal length to an array: of `bool`, `int64`, or `float64` where floats
 /// are among the numbers or there are none. `None` for other lists, and where an integer would
 /// change by becoming a float.
-pub(crate) fn rectangular(items: &[Value]) -> Option<Tensor> {
+pub fn rectangular(items: &[Value]) -> Option<Tensor> {
     let mut shape = vec![items.len()];
     let mut inside = items.first();
     while let Some(Value::List(inner)) = inside {

@@ -5,6 +5,7 @@ use num_bigint::BigInt;
 use proptest::prelude::*;
 
 use super::*;
+use crate::plugin::Plugins;
 
 fn read(pairs: impl Into<Map>) -> Result<Properties, PropertiesError> {
     Properties::from_value(&Value::Map(pairs.into()))
@@ -143,8 +144,8 @@ proptest! {
     /// Parameters survive Wrapyfi's JSON, in which a script sees them.
     #[test]
     fn json_keeps_them(original in properties()) {
-        let json = crate::codec::json::encode(&original.to_value()).unwrap();
-        let value = crate::codec::json::decode(&json.into(), &crate::Limits::default()).unwrap();
+        let json = crate::codec::json::encode(&original.to_value(), &Plugins::none()).unwrap();
+        let value = crate::codec::json::decode(&json.into(), &crate::Limits::default(), &Plugins::none()).unwrap();
         prop_assert_eq!(Properties::from_value(&value).unwrap(), original);
     }
 

@@ -61,6 +61,12 @@ impl RosService {
         known.map(Self)
     }
 
+    /// The service that takes a `request` and gives a `response`, which the definition has as parts.
+    pub(super) fn of_parts(resolved: &ResolvedType, request: RosType, response: RosType) -> Self {
+        let (name, resolved) = (resolved.name().to_string(), resolved.clone());
+        Self(Box::leak(Box::new(Known { name, resolved, request, response })))
+    }
+
     /// ROS name, for instance `std_srvs/srv/SetBool`.
     pub fn name(self) -> &'static str {
         &self.0.name

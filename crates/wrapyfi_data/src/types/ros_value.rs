@@ -10,6 +10,7 @@ use num_bigint::BigInt;
 use serde_json::{Map as Object, Value as Json};
 use wrapyfi_interfaces::cdr::CdrError;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Primitives, ValueError};
+use wrapyfi_interfaces::with_elements;
 
 use super::ros_message::RosMessage;
 use super::ros_type::RosType;
@@ -108,17 +109,25 @@ pub fn fields_of(
     Ok(fields)
 }
 
-/// Reads fields from the arguments of a call: in order, by name, or one dict of them all.
+/// Reads fields from the arguments of a call: in order, by name, or one dict of them all. A dict that has none of them is
+/// the first, where that is a message.
 pub fn fields_of_call(
     ros_type: RosType,
     args: &[Value],
     kwargs: &Map,
     max_bytes: usize,
 ) -> Result<DynamicMessage, RosValueError> {
-    if let ([whole @ Value::Map(_)], true) = (args, kwargs.is_empty()) {
-        return fields_of(ros_type, whole, max_bytes);
-    }
     let defaults = ros_type.plan().default_message();
+    if let ([whole @ Value::Map(dict)], true) = (args, kwargs.is_empty()) {
+        let fields = || defaults.fields();
+        let is_field = |key: &Value| fields().any(|(name, _)| key.as_str() == Some(name));
+        let is_of_first = matches!(fields().next(), Some((_, DynamicValue::Message(_))))
+            && !dict.is_empty()
+            && !dict.iter().any(|(key, _)| is_field(key));
+        if !is_of_first {
+            return fields_of(ros_type, whole, max_bytes);
+        }
+    }
     let mut names = defaults.fields().map(|(name, _)| name);
     let mut pairs = Vec::with_capacity(args.len().saturating_add(kwargs.len()));
     for (at, value) in args.iter().enumerate() {
@@ -179,23 +188,11 @@ fn field(value: &DynamicValue) -> Value {
 }
 
 fn array(values: &Primitives) -> Value {
-    fn of<T: super::Element>(values: &[T]) -> Option<Tensor> {
-        Tensor::from_elements(&[values.len()], values.to_vec()).ok()
-    }
     let tensor = match values {
-        Primitives::Bool(values) => of(values),
-        Primitives::I8(values) => of(values),
-        Primitives::Bytes(bytes) => {
-            Tensor::new(super::Dtype::U8, [bytes.len()], bytes.clone()).ok()
-        }
-        Primitives::I16(values) => of(values),
-        Primitives::U16(values) => of(values),
-        Primitives::I32(values) => of(values),
-        Primitives::U32(values) => of(values),
-        Primitives::I64(values) => of(values),
-        Primitives::U64(values) => of(values),
-        Primitives::F32(values) => of(values),
-        Primitives::F64(values) => of(values),
+        Primitives::Bytes(bytes) => Tensor::new(super::Dtype::U8, [bytes.len()], bytes.clone()),
+        others => with_elements!(others, values => {
+            Tensor::from_elements(&[values.len()], values.to_vec())
+        }),
     };
     // The shape is the number of elements, so the tensor always fits.
     tensor.map_or(Value::Null, Value::Tensor)
@@ -229,23 +226,19 @@ impl<'a> Path<'a> {
         let field = self.defaults.as_ref().and_then(|defaults| defaults.get(&path));
         let Some(DynamicValue::Primitives(kind)) = field else { return false };
         let values: Option<Primitives> = match kind {
-            Primitives::Bool(_) => tensor.to_vec::<bool>().map(Into::into),
-            Primitives::I8(_) => tensor.to_vec::<i8>().map(Into::into),
             Primitives::Bytes(_) => (tensor.dtype() == super::Dtype::U8)
                 .then(|| Primitives::Bytes(tensor.data().clone())),
-            Primitives::I16(_) => tensor.to_vec::<i16>().map(Into::into),
-            Primitives::U16(_) => tensor.to_vec::<u16>().map(Into::into),
-            Primitives::I32(_) => tensor.to_vec::<i32>().map(Into::into),
-            Primitives::U32(_) => tensor.to_vec::<u32>().map(Into::into),
-            Primitives::I64(_) => tensor.to_vec::<i64>().map(Into::into),
-            Primitives::U64(_) => tensor.to_vec::<u64>().map(Into::into),
-            Primitives::F32(_) => tensor.to_vec::<f32>().map(Into::into),
-            Primitives::F64(_) => tensor.to_vec::<f64>().map(Into::into),
+            others => with_elements!(others, like => to_vec_like(tensor, like).map(Into::into)),
         };
         let Some(values) = values else { return false };
         self.bulk.push((path, values));
         true
     }
+}
+
+/// The elements where they are of the type of `_like`.
+fn to_vec_like<T: super::Element>(tensor: &Tensor, _like: &[T]) -> Option<Vec<T>> {
+    tensor.to_vec()
 }
 
 fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosValueError> {
@@ -397,6 +390,31 @@ mod tests {
         assert_eq!(fields.get("at"), Some(&vec![1.0, 2.0, 3.0].into()));
         assert_eq!(fields.get("raw"), Some(&vec![7_u8, 8].into()));
         assert_eq!(fields.get("text").and_then(DynamicValue::as_str), Some(""));
+    }
+
+    /// A goal of `move_base` is one message, and so may be the one argument of a call.
+    #[test]
+    fn a_dict_of_other_fields_is_the_first_argument_where_that_is_a_message() {
+        let resolved = |name: &str, text: &str| {
+            let name = TypeName::parse(Dialect::Ros2, name).unwrap();
+            RosType::new(&ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()).unwrap()
+        };
+        let part = "================\nMSG: demo/Part\nint16 id\n";
+        let (goal, text) =
+            (format!("Part part\nbool fast\n{part}"), format!("bool fast\nPart part\n{part}"));
+        let (goal, other) = (resolved("demo/msg/Goal", &goal), resolved("demo/msg/Other", &text));
+        let read = |ros_type, dict: Map| {
+            let message = fields_of_call(ros_type, &[dict.into()], &Map::new(), 1 << 10);
+            let id =
+                |message: DynamicMessage| message.get("part.id").and_then(DynamicValue::as_integer);
+            message.map(id).map_err(|error| error.to_string())
+        };
+        let id = || Map::from([("id", 7)]);
+        assert_eq!(read(goal, id()), Ok(Some(7)));
+        assert_eq!(read(goal, Map::from([("part", id())])), Ok(Some(7)));
+        assert_eq!(read(goal, Map::new()), Ok(Some(0)));
+        assert!(read(goal, Map::from([("idd", 7)])).unwrap_err().contains("part.idd"));
+        assert!(read(other, id()).unwrap_err().contains("id"), "the first is no message");
     }
 
     #[test]

@@ -41,7 +41,7 @@ pub enum ShapeError {
 
 /// Number of elements of an array with this shape; `None` when it overflows. An extent of 0 makes
 /// any shape empty, as in NumPy.
-pub(crate) fn element_count(shape: &[usize]) -> Option<usize> {
+pub fn element_count(shape: &[usize]) -> Option<usize> {
     if shape.contains(&0) {
         return Some(0);
     }

@@ -76,14 +76,15 @@ pub enum Value {
 /// An object behind a plug-in key that is not decoded here (`{"__wrapyfi__": [key, ...]}`).
 ///
 /// ```
-/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, types}; }
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin, types}; }
 /// use wrapyfi_core::Limits;
 /// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::plugin::Plugins;
 /// use wrapyfi_core::types::{Tagged, Value};
 /// let text = r#"{"__wrapyfi__": ["MyPose", 1.0, 2.0]}"#;
-/// let value = json::decode(&text.into(), &Limits::default())?;
+/// let value = json::decode(&text.into(), &Limits::default(), &Plugins::none())?;
 /// assert_eq!(value, Value::from(Tagged::new("MyPose", text)));
-/// assert_eq!(json::encode(&value).as_deref(), Ok(text.as_bytes()));
+/// assert_eq!(json::encode(&value, &Plugins::none()).as_deref(), Ok(text.as_bytes()));
 /// # Ok::<(), wrapyfi_data::DecodeError>(())
 /// ```
 #[derive(Debug, Clone, Eq)]

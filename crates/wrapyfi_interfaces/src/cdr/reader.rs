@@ -5,8 +5,8 @@ use bytes::Bytes;
 use super::primitive::{ByteOrder, CdrPrimitive};
 use super::{CdrError, ENCAPSULATION_SIZE};
 
-/// Reads the members of a message in order. Errors carry no path yet: whoever knows the field's
-/// name adds it with [`CdrError::in_field`].
+/// Reads the members of a message in order. Errors carry no path yet: the caller, which knows the field's
+/// name, adds it with [`CdrError::in_field`].
 #[derive(Debug)]
 pub struct CdrReader<'a> {
     cdr: &'a Bytes,

@@ -6,10 +6,10 @@ use bytes::Bytes;
 
 use super::scalar::with_scalar;
 use super::shape::{ElementShape, FieldShape, Op, Run, Shape, same};
-use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 use crate::parser::{Container, Primitive};
+use crate::with_elements;
 
 impl TypePlan {
     /// Reads a serialised message of at most `max_bytes`, in either byte order. Its `uint8[]`

@@ -5,8 +5,9 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::value::{Number, with_elements};
+use super::value::Number;
 use super::{DynamicMessage, Primitives};
+use crate::with_elements;
 
 impl DynamicMessage {
     /// The message as JSON. A [`serde_json::Value`] may sort the fields by name;

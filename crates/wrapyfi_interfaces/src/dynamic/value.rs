@@ -56,6 +56,8 @@ pub enum Primitives {
 }
 
 /// Runs `$body` with `$values` as the elements.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! with_elements {
     ($primitives:expr, $values:ident => $body:expr) => {
         match $primitives {
@@ -73,7 +75,6 @@ macro_rules! with_elements {
         }
     };
 }
-pub(super) use with_elements;
 
 impl Primitives {
     /// Number of elements.

@@ -89,7 +89,8 @@ pub(crate) fn service_messages(
     vec![request, response, event, service]
 }
 
-fn action_messages(
+/// Goal, result and feedback, what ROS 2 sends of them, and the action itself.
+pub(crate) fn action_messages(
     name: &TypeName,
     goal: MessageDefinition,
     result: MessageDefinition,

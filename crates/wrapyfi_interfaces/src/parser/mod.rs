@@ -25,7 +25,7 @@ pub use definition::{
 };
 pub use dialect::Dialect;
 pub use error::{ParseError, ParseFault};
-pub(crate) use interface::service_messages;
+pub(crate) use interface::{action_messages, service_messages};
 pub use interface::{parse_action, parse_service};
 pub use name::{InterfaceKind, TypeName};
 pub use value::{DefaultValue, Literal};

@@ -1,4 +1,4 @@
-//! A type of one ROS from that of the other, where nobody has it.
+//! A type of one ROS from that of the other, where no definition is known.
 //!
 //! | ROS 1 | ROS 2 |
 //! | --- | --- |

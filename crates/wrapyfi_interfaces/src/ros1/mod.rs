@@ -14,6 +14,7 @@
 //! [`Types`] does all of it: it remembers what peers showed, and gives definitions and plans.
 //! Nothing here opens a connection.
 
+mod action_types;
 mod compile;
 mod definition;
 mod derive;
@@ -40,6 +41,7 @@ mod tests;
 #[cfg(test)]
 mod vector_tests;
 
+pub use action_types::ActionMessage;
 pub use definition::{Definition, ServiceDefinition};
 pub use error::{DefinitionError, PairError, TranscodeError, TypedField};
 pub use names::ros1_name;

@@ -13,8 +13,11 @@ use super::types::Types;
 use crate::parser::{InterfaceKind, TypeName};
 use crate::store::{ResolvedType, TypeStore};
 
+/// Suffixes of the parts of an action.
+const PARTS: [&str; 3] = ["_Goal", "_Result", "_Feedback"];
+
 impl Types {
-    /// Sentences about the rules for one message or service that cannot work: of a type that is defined nowhere here, or
+    /// Sentences about the rules for one message, service or action that cannot work: of a type that is defined nowhere here, or
     /// a field that a type does not have. Types of ROS 2 are looked for in `ros2`, those of ROS 1 here; none is made.
     pub fn check_rules(&mut self, ros2: &mut TypeStore) -> Vec<String> {
         let pairs = self.rules().named_pairs();
@@ -42,9 +45,12 @@ impl Types {
             ),
             error => error.to_string(),
         })?;
-        let in_ros2: Vec<Option<ResolvedType>> = match parts.len() {
-            1 => vec![Some(resolved)],
-            _ => ["_Request", "_Response"].map(|suffix| resolved.part(suffix)).into(),
+        let in_ros2: Vec<Option<ResolvedType>> = match one.kind() {
+            InterfaceKind::Message => vec![Some(resolved)],
+            InterfaceKind::Service => {
+                ["_Request", "_Response"].map(|suffix| resolved.part(suffix)).into()
+            }
+            InterfaceKind::Action => PARTS.map(|suffix| resolved.part(suffix)).into(),
         };
         let compile = |(one, two): (&ResolvedType, Option<ResolvedType>)| -> Result<_, PairError> {
             two.map(|two| PairPlan::compile(one, &two, self.rules())).transpose()
@@ -53,14 +59,20 @@ impl Types {
         compiled.map(drop).map_err(|error| error.to_string())
     }
 
-    /// Message, or request and response, of a type of ROS 1 as it is defined here.
+    /// Message, request and response, or parts of an action, of a type of ROS 1 as it is defined here.
     fn parts_in_ros1(&mut self, name: &TypeName) -> Result<Vec<ResolvedType>, DefinitionError> {
         Ok(match name.kind() {
             InterfaceKind::Service => {
                 let found = self.found_for_ros1(name, ServiceDefinition::from_store)?;
                 vec![found.request, found.response]
             }
-            _ => vec![self.found_for_ros1(name, Definition::from_store)?.resolved],
+            InterfaceKind::Message => {
+                vec![self.found_for_ros1(name, Definition::from_store)?.resolved]
+            }
+            InterfaceKind::Action => {
+                let part = |suffix| Ok(self.action_message_of(&name.derived(suffix))?.part);
+                PARTS.into_iter().map(part).collect::<Result<_, DefinitionError>>()?
+            }
         })
     }
 }

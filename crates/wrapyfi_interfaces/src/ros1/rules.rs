@@ -50,9 +50,14 @@ struct Rule {
     ros2_message_name: Option<String>,
     ros1_service_name: Option<String>,
     ros2_service_name: Option<String>,
+    ros1_action_name: Option<String>,
+    ros2_action_name: Option<String>,
     fields_1_to_2: Option<Fields>,
     request_fields_1_to_2: Option<Fields>,
     response_fields_1_to_2: Option<Fields>,
+    goal_fields_1_to_2: Option<Fields>,
+    result_fields_1_to_2: Option<Fields>,
+    feedback_fields_1_to_2: Option<Fields>,
     /// Key of `ros1_bridge`, which allows rules outside the package they are about; ours always
     /// may.
     #[serde(rename = "enable_foreign_mappings")]
@@ -158,15 +163,11 @@ impl Rules {
     pub(super) fn named_pairs(&self) -> Vec<(String, TypeName, TypeName)> {
         let named = |(index, rule): (usize, &Rule)| {
             let one = &rule.ros1_package_name;
-            let (kind, names) = match (&rule.ros1_message_name, &rule.ros1_service_name) {
-                (Some(name), _) => {
-                    (InterfaceKind::Message, (name, rule.ros2_message_name.as_ref()?))
-                }
-                (_, Some(name)) => {
-                    (InterfaceKind::Service, (name, rule.ros2_service_name.as_ref()?))
-                }
-                (None, None) => return None,
-            };
+            let kinds = [InterfaceKind::Message, InterfaceKind::Service, InterfaceKind::Action];
+            let (kind, names) = kinds.into_iter().find_map(|kind| {
+                let (one, two) = rule.names(kind);
+                Some((kind, (one.as_ref()?, two.as_ref()?)))
+            })?;
             let of =
                 |dialect, package, name| TypeName::with_kind(dialect, package, kind, name).ok();
             let ros1 = of(Dialect::Ros1, one, names.0)?;
@@ -210,6 +211,7 @@ impl Rule {
                 [
                     ("ros1_message_name", &self.ros1_message_name),
                     ("ros1_service_name", &self.ros1_service_name),
+                    ("ros1_action_name", &self.ros1_action_name),
                 ],
             ),
             (
@@ -219,6 +221,7 @@ impl Rule {
                 [
                     ("ros2_message_name", &self.ros2_message_name),
                     ("ros2_service_name", &self.ros2_service_name),
+                    ("ros2_action_name", &self.ros2_action_name),
                 ],
             ),
         ] {
@@ -244,8 +247,12 @@ impl Rule {
         if !names(&self.ros1_service_name, &self.ros2_service_name) {
             return Err("ros1_service_name and ros2_service_name go together; give both");
         }
-        if self.ros1_message_name.is_some() && self.ros1_service_name.is_some() {
-            return Err("it names a message and a service; make two rules of it");
+        if !names(&self.ros1_action_name, &self.ros2_action_name) {
+            return Err("ros1_action_name and ros2_action_name go together; give both");
+        }
+        let named = [&self.ros1_message_name, &self.ros1_service_name, &self.ros1_action_name];
+        if named.iter().filter(|name| name.is_some()).count() > 1 {
+            return Err("it names two of a message, a service and an action; make two rules of it");
         }
         if self.fields_1_to_2.is_some() && self.ros1_message_name.is_none() {
             return Err("fields_1_to_2 needs ros1_message_name and ros2_message_name");
@@ -255,23 +262,36 @@ impl Rule {
             return Err("request_fields_1_to_2 and response_fields_1_to_2 need ros1_service_name \
                         and ros2_service_name");
         }
+        let of_parts =
+            [&self.goal_fields_1_to_2, &self.result_fields_1_to_2, &self.feedback_fields_1_to_2];
+        if of_parts.iter().any(|fields| fields.is_some()) && self.ros1_action_name.is_none() {
+            return Err(
+                "goal_fields_1_to_2, result_fields_1_to_2 and feedback_fields_1_to_2 need \
+                        ros1_action_name and ros2_action_name",
+            );
+        }
         Ok(())
     }
 
     /// True when the rule is about one type, not a package.
     fn is_of_type(&self) -> bool {
-        self.ros1_message_name.is_some() || self.ros1_service_name.is_some()
+        let named = [&self.ros1_message_name, &self.ros1_service_name, &self.ros1_action_name];
+        named.iter().any(|name| name.is_some())
+    }
+
+    /// Names of the type that the rule is about, in ROS 1 and in ROS 2, where it is of that kind.
+    fn names(&self, kind: InterfaceKind) -> (&Option<String>, &Option<String>) {
+        match kind {
+            InterfaceKind::Message => (&self.ros1_message_name, &self.ros2_message_name),
+            InterfaceKind::Service => (&self.ros1_service_name, &self.ros2_service_name),
+            InterfaceKind::Action => (&self.ros1_action_name, &self.ros2_action_name),
+        }
     }
 
     /// Names of the definition files, where the rule is about types of that kind. A rule about a
     /// package is about all of its types.
     fn stems<'s>(&'s self, kind: InterfaceKind, stem: &'s str) -> Option<(&'s str, &'s str)> {
-        let (one, two) = match kind {
-            InterfaceKind::Message => (&self.ros1_message_name, &self.ros2_message_name),
-            InterfaceKind::Service => (&self.ros1_service_name, &self.ros2_service_name),
-            InterfaceKind::Action => (&None, &None),
-        };
-        match (one, two) {
+        match self.names(kind) {
             (Some(one), Some(two)) => Some((one, two)),
             _ if self.is_of_type() => None,
             _ => Some((stem, stem)),
@@ -294,6 +314,9 @@ impl Rule {
         let fields = match ros1.name().strip_prefix(ros1.file_stem()) {
             Some("_Request") => &self.request_fields_1_to_2,
             Some("_Response") => &self.response_fields_1_to_2,
+            Some("_Goal") => &self.goal_fields_1_to_2,
+            Some("_Result") => &self.result_fields_1_to_2,
+            Some("_Feedback") => &self.feedback_fields_1_to_2,
             _ => &self.fields_1_to_2,
         };
         let pairs = fields.as_ref()?.iter().map(|(one, two)| (one.clone(), two.clone()));

@@ -143,13 +143,13 @@ impl Types {
     /// The ROS 1 definition of a message, by its ROS 1 name `package/Type`.
     ///
     /// # Errors
-    /// [`DefinitionError::Unknown`] where nobody has it yet; it may be shown later.
+    /// [`DefinitionError::Unknown`] where it is not known yet; it may be shown later.
     pub fn definition(&mut self, type_name: &str) -> Result<Definition, DefinitionError> {
         let name = parse_name(InterfaceKind::Message, type_name)?;
         self.definition_of(&name)
     }
 
-    fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
+    pub(super) fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
         if let Some(shown) = self.shown(name) {
             return Ok(shown);
         }
@@ -223,21 +223,28 @@ impl Types {
         note_looked(self.ros1.resolve(name), &mut looked);
         for ros2 in self.rules.ros2_names(name) {
             match self.ros2.resolve(&ros2) {
-                Ok(ros2) => {
-                    let Self { rules, announced, ros1, .. } = self;
-                    let find = |wanted: &TypeName| {
-                        let mut shown = announced.values().map(|one| one.resolved.definitions());
-                        let own = announced.get(wanted).and_then(|one| one.resolved.definition());
-                        let shown = own.or_else(|| shown.find_map(|inside| inside.get(wanted)));
-                        shown.cloned().or_else(|| ros1.resolve(wanted).ok()?.definition().cloned())
-                    };
-                    return Ok(derive::to_ros1(&ros2, name, rules, find)?);
-                }
+                Ok(ros2) => return Ok(self.derived_for_ros1(&ros2, name)?),
                 Err(error) if is_missing(&error, &ros2) => note_looked(Err(error), &mut looked),
                 Err(error) => return Err(error.into()),
             }
         }
         Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
+    }
+
+    /// Makes the ROS 1 type `name` from one of ROS 2. Types inside that ROS 1 has stay as they are there.
+    pub(super) fn derived_for_ros1(
+        &mut self,
+        ros2: &ResolvedType,
+        name: &TypeName,
+    ) -> Result<ResolvedType, ResolveError> {
+        let Self { rules, announced, ros1, .. } = self;
+        let find = |wanted: &TypeName| {
+            let mut shown = announced.values().map(|one| one.resolved.definitions());
+            let own = announced.get(wanted).and_then(|one| one.resolved.definition());
+            let shown = own.or_else(|| shown.find_map(|inside| inside.get(wanted)));
+            shown.cloned().or_else(|| ros1.resolve(wanted).ok()?.definition().cloned())
+        };
+        derive::to_ros1(ros2, name, rules, find)
     }
 
     /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. An installed one
@@ -345,7 +352,7 @@ impl Types {
     /// the user chose, else the likeliest that is known.
     ///
     /// # Errors
-    /// [`DefinitionError::Unknown`] where nobody has the ROS 1 type yet, and as [`PairPlan::compile`].
+    /// [`DefinitionError::Unknown`] where the ROS 1 type is not known yet, and as [`PairPlan::compile`].
     pub fn towards_ros1(
         &mut self,
         ros2: &TypeName,
@@ -392,7 +399,7 @@ impl Types {
     }
 
     /// The first ROS 1 name of a ROS 2 type that has a definition.
-    fn likeliest<T>(
+    pub(super) fn likeliest<T>(
         &mut self,
         ros2: &TypeName,
         mut get: impl FnMut(&mut Self, &TypeName) -> Result<T, DefinitionError>,
@@ -412,7 +419,7 @@ impl Types {
 }
 
 /// True when the missing type is `name` itself.
-fn is_missing(error: &ResolveError, name: &TypeName) -> bool {
+pub(super) fn is_missing(error: &ResolveError, name: &TypeName) -> bool {
     matches!(error, ResolveError::NotFound { name: missing, .. } if missing == name)
 }
 

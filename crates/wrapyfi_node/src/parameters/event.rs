@@ -31,7 +31,7 @@ impl Changes {
 pub(super) struct PendingEvents {
     changes: VecDeque<Changes>,
     size: usize,
-    /// Number of changes that were dropped because nobody took them, since somebody did.
+    /// Number of changes that were dropped because they were not taken, since some were.
     lost: u64,
 }
 

@@ -82,7 +82,7 @@ fn declarations_make_the_recorded_events() {
         let mut store = recorded_node();
         let recorded = group(rmw, "parameter_events");
         assert_eq!(recorded.len(), 6);
-        // The first event, of use_sim_time, was sent before anybody listened.
+        // The first event, of use_sim_time, was sent before the test listened.
         let events = store.take_events(Default::default()).into_iter().skip(1);
         for ((_, recorded), mut event) in recorded.into_iter().zip(events) {
             event.stamp = ParameterEvent::decode(&recorded, LIMIT).unwrap().stamp;

@@ -155,7 +155,7 @@ impl Changed {
                 }
             }
         }
-        // An endpoint that follows nobody otherwise does so in these policies alone.
+        // An endpoint that follows no peer otherwise does so in these policies alone.
         self.follows |= word == BEST_AVAILABLE
             || number == Some(BEST_AVAILABLE_NS) && policy != Policy::Lifespan;
         Some(())

@@ -92,7 +92,7 @@ fn requests_are_bounded() {
     }
     let error = store.declare(named("more"), 1).unwrap_err().to_string();
     assert!(error.contains("at most 4096"), "{error}");
-    // Nobody took the events.
+    // The test has not taken the events.
     let events = store.take_events(Stamp::default());
     assert_eq!(events.len(), MAX_EVENTS);
     assert_eq!(events.last().unwrap().new_parameters[0].name, "p4095");

@@ -1,13 +1,13 @@
 //! Watches, by which a part of the program learns which parameters changed.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 use super::Parameter;
 use super::event::Changes;
 use super::list::is_below;
 use crate::ParameterValue;
-use wrapyfi_endpoint::Wake;
+use wrapyfi_endpoint::{Mutex, Wake};
 
 /// Parameters that changed since the last [`ParameterWatch::take`]. Only the newest value of each
 /// is kept, so that a watch that is never taken holds no more than the parameters it watches.
@@ -29,11 +29,8 @@ impl ParameterWatch {
     /// has no value.
     #[must_use]
     pub fn take(&self) -> Vec<Parameter> {
-        let mut changed = self.0.changed.lock().unwrap_or_else(PoisonError::into_inner);
-        std::mem::take(&mut *changed)
-            .into_iter()
-            .map(|(name, value)| Parameter { name, value })
-            .collect()
+        let changed = std::mem::take(&mut *self.0.changed.lock());
+        changed.into_iter().map(|(name, value)| Parameter { name, value }).collect()
     }
 }
 
@@ -57,7 +54,7 @@ impl Watches {
         self.0.retain(|watch| {
             let Some(inbox) = watch.upgrade() else { return false };
             let mut any = false;
-            let mut changed = inbox.changed.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut changed = inbox.changed.lock();
             for Parameter { name, value } in changes.all() {
                 if inbox.names.is_empty() || inbox.names.iter().any(|group| is_below(name, group)) {
                     changed.insert(name.clone(), value.clone());

@@ -27,11 +27,11 @@ const MAX_FAULTS: usize = 100;
 pub(crate) struct Watched {
     key: String,
     context: Context,
-    state: Mutex<State>,
+    state: Mutex<WatchedState>,
 }
 
 #[derive(Default)]
-struct State {
+struct WatchedState {
     parameters: KnownParameters,
     received_at: Option<Instant>,
 }
@@ -223,7 +223,7 @@ impl Listener for ParameterListener {
             );
             return true;
         }
-        // Whoever comes later begins with all of them. What nobody was told yet still waits.
+        // The program that comes later begins with all of them. What no listener has taken still waits.
         self.whole = self.has_reported;
         false
     }

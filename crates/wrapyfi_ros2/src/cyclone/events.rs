@@ -119,7 +119,7 @@ impl Events {
     }
 
     fn add(&self, counter: &AtomicU64, change: i32) {
-        // News without a change, such as a publisher that is alive again, wakes nobody.
+        // News without a change, such as a publisher that is alive again, wakes no thread.
         if let Ok(change @ 1..) = u64::try_from(change) {
             counter.fetch_add(change, Relaxed);
             self.ring();

@@ -78,7 +78,7 @@ unsafe fn number(fragments: *const cyclors::ddsi_rdata) -> Option<i64> {
 /// Writes the number of the packet's sample into a sample that was made of it.
 ///
 /// # Safety
-/// `serdata` is null or a sample that nobody else knows yet, and `fragments` what it was made of.
+/// `serdata` is null or a sample that no other thread knows yet, and `fragments` what it was made of.
 pub(super) unsafe fn keep(
     serdata: *mut cyclors::ddsi_serdata,
     fragments: *const cyclors::ddsi_rdata,

@@ -96,7 +96,7 @@ impl Sample {
                 header.len(),
             )
         };
-        // SAFETY: a new sample with one reference, which nobody else knows yet.
+        // SAFETY: a new sample with one reference, which no other thread knows yet.
         unsafe {
             let sample = Self::adopt(serdata)?;
             (*serdata).statusinfo = cyclors::DDSI_STATUSINFO_UNREGISTER;
@@ -114,7 +114,7 @@ impl Sample {
 
     /// Sequence number of a sample that came from another process.
     pub(super) fn sequence(&self) -> Option<i64> {
-        // SAFETY: the sample is alive, and nobody writes it any more.
+        // SAFETY: the sample is alive, and no thread writes it any more.
         sequence::kept(unsafe { self.0.as_ref() })
     }
 

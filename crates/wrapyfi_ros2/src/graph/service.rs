@@ -116,10 +116,10 @@ pub struct CdrReply {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Peers {
-    /// Nobody has the other end.
+    /// No program has the other end.
     None,
     /// Discovery knows one half of the other end, requests or replies, or the other end has not yet
-    /// confirmed that it hears us. The latter changes within moments, and nobody is notified of it:
+    /// confirmed that it hears us. The latter changes within moments, and no program is notified of it:
     /// see [`CdrClient::look_again`].
     Half,
     /// Number of peers that have both halves, and speak our mapping as far as their GUIDs tell.
@@ -128,7 +128,7 @@ pub enum Peers {
     Foreign(ServiceMapping),
 }
 
-/// Shortest time to the next look at things that nobody is notified of: see
+/// Shortest time to the next look at things that no program is notified of: see
 /// [`CdrClient::look_again`].
 pub(crate) const LOOK_AGAIN: Duration = Duration::from_millis(1);
 

@@ -22,7 +22,7 @@ struct MadeUp {
 }
 
 /// Every endpoint of the graph.
-struct End(Script);
+struct ScriptedEndpoint(Script);
 
 fn nothing<T>() -> Result<T, GraphError> {
     Err(stack("not made up"))
@@ -43,11 +43,11 @@ impl Graph for MadeUp {
         _: WriterTraits<'_>,
         _: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        Ok(Box::new(End(Script::default())))
+        Ok(Box::new(ScriptedEndpoint(Script::default())))
     }
 
     fn subscribe(&self, _: &TopicDescription, _: Notify) -> Result<Box<dyn CdrReader>, GraphError> {
-        Ok(Box::new(End(Script::default())))
+        Ok(Box::new(ScriptedEndpoint(Script::default())))
     }
 
     fn service_mapping(&self) -> Option<ServiceMapping> {
@@ -64,7 +64,7 @@ impl Graph for MadeUp {
         _: Option<&BridgeMark>,
         _: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError> {
-        Ok(Box::new(End(Arc::clone(&self.script))))
+        Ok(Box::new(ScriptedEndpoint(Arc::clone(&self.script))))
     }
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
@@ -80,7 +80,7 @@ impl Graph for MadeUp {
     }
 }
 
-impl CdrWriter for End {
+impl CdrWriter for ScriptedEndpoint {
     fn write(&mut self, _: &[&[u8]]) -> Result<(), GraphError> {
         Ok(())
     }
@@ -94,7 +94,7 @@ impl CdrWriter for End {
     }
 }
 
-impl CdrReader for End {
+impl CdrReader for ScriptedEndpoint {
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
         Ok(None)
     }
@@ -112,7 +112,7 @@ impl CdrReader for End {
     }
 }
 
-impl CdrServer for End {
+impl CdrServer for ScriptedEndpoint {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
         self.0.lock().unwrap().pop_front().map_or(Ok(None), Err)
     }
@@ -140,11 +140,23 @@ fn work(script: &Script) -> (Work, NodeHandle) {
     let mut store = ParameterStore::new(&node, BTreeMap::new()).unwrap();
     let wake = wrapyfi_endpoint::Wake::new();
     let watch = store.watch(&["use_sim_time"], &wake);
-    let shared = Arc::new(Shared::new(store, RosTime::new(false), wake));
+    let shared = Arc::new(NodeState::new(store, RosTime::new(false), wake));
     let graph: Arc<dyn Graph> = Arc::new(MadeUp { node, script: Arc::clone(script) });
-    let end = || Box::new(End(Script::default()));
-    let server = Served::new(Answers::Types, Box::new(End(Arc::clone(script))), "/service");
-    let work = Work::new(Arc::clone(&shared), graph, end(), end(), vec![server], watch);
+    let end = || Box::new(ScriptedEndpoint(Script::default()));
+    let server =
+        Served::new(Answers::Types, Box::new(ScriptedEndpoint(Arc::clone(script))), "/service");
+    let work = Work {
+        shared: Arc::clone(&shared),
+        graph,
+        rosout: end(),
+        events: end(),
+        servers: vec![server],
+        clock: None,
+        describes: false,
+        watch,
+        complaints: Throttle::default(),
+        clock_complaints: Throttle::default(),
+    };
     (work, NodeHandle(shared))
 }
 

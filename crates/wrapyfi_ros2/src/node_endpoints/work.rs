@@ -22,7 +22,7 @@ use wrapyfi_interfaces::{Message as _, Service as _};
 
 use super::{MAX_BYTES, topic_of_clock};
 use crate::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError, ringing};
-use crate::node_handle::{Shared, in_node_thread};
+use crate::node_handle::{NodeState, in_node_thread};
 use crate::service::replies::{Replies, Reply};
 use wrapyfi_data::types::{RosService, RosType};
 use wrapyfi_endpoint::Throttle;
@@ -63,43 +63,21 @@ impl Served {
 }
 
 pub(super) struct Work {
-    shared: Arc<Shared>,
-    graph: Arc<dyn Graph>,
-    rosout: Box<dyn CdrWriter>,
-    events: Box<dyn CdrWriter>,
-    servers: Vec<Served>,
-    clock: Option<Box<dyn CdrReader>>,
+    pub(super) shared: Arc<NodeState>,
+    pub(super) graph: Arc<dyn Graph>,
+    pub(super) rosout: Box<dyn CdrWriter>,
+    pub(super) events: Box<dyn CdrWriter>,
+    pub(super) servers: Vec<Served>,
+    pub(super) clock: Option<Box<dyn CdrReader>>,
     /// True once the type of the clock counts as used.
-    describes: bool,
-    watch: ParameterWatch,
+    pub(super) describes: bool,
+    pub(super) watch: ParameterWatch,
     /// Requests that were refused and replies that were not sent; what `/clock` said wrongly.
-    complaints: Throttle,
-    clock_complaints: Throttle,
+    pub(super) complaints: Throttle,
+    pub(super) clock_complaints: Throttle,
 }
 
 impl Work {
-    pub(super) fn new(
-        shared: Arc<Shared>,
-        graph: Arc<dyn Graph>,
-        rosout: Box<dyn CdrWriter>,
-        events: Box<dyn CdrWriter>,
-        servers: Vec<Served>,
-        watch: ParameterWatch,
-    ) -> Self {
-        Self {
-            shared,
-            graph,
-            rosout,
-            events,
-            servers,
-            clock: None,
-            describes: false,
-            watch,
-            complaints: Throttle::default(),
-            clock_complaints: Throttle::default(),
-        }
-    }
-
     pub(super) fn run(&mut self, leave: &AtomicBool) {
         // Log lines of this thread must not come back to it as work.
         in_node_thread();
@@ -276,7 +254,7 @@ impl Work {
 }
 
 impl Answers {
-    fn answer(&self, shared: &Shared, request: &Bytes) -> Result<CdrParts, CdrError> {
+    fn answer(&self, shared: &NodeState, request: &Bytes) -> Result<CdrParts, CdrError> {
         match self {
             Self::Parameters(service) => shared.store().answer(*service, request, MAX_BYTES),
             Self::Types => {

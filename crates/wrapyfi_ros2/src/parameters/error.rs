@@ -22,7 +22,7 @@ pub enum ParameterClientError {
         /// The rule it breaks.
         reason: String,
     },
-    /// Nobody serves the parameters of such a node.
+    /// No program serves the parameters of such a node.
     #[error(
         "there is no node {node} with parameters: nobody offered {service} within {timeout_ms} ms"
     )]

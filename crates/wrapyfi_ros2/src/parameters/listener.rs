@@ -6,14 +6,16 @@ use std::time::Instant;
 use super::ServiceOptions;
 use super::{ParameterClientError, ParameterResult, RemoteParameters};
 use crate::graph::Peers;
-use crate::ros2::Ros2;
-use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};
+use crate::ros2::{NAME, Ros2};
+use wrapyfi_endpoint::{
+    Absent, Cause, Context, DropReason, Link, Listener, Review, Role, Sample, TakeError, TopicSpec,
+};
 
 /// Listens to the parameters of one node.
 pub(crate) struct PropertiesListener {
     remote: RemoteParameters,
     context: Context,
-    /// The next message is all that is known: nobody was told what led there.
+    /// The next message is all that is known: the listener has not had what led there.
     whole: bool,
     /// Reason why the parameters are not known, and true once the caller was told.
     trouble: Option<(String, bool)>,
@@ -74,7 +76,7 @@ impl Listener for PropertiesListener {
     }
 
     fn discard(&mut self) -> bool {
-        // Whoever comes later begins with all of them.
+        // The program that comes later begins with all of them.
         self.whole = true;
         let Some(changes) = self.next() else { return false };
         self.context.counters.received(changes.size());
@@ -82,7 +84,7 @@ impl Listener for PropertiesListener {
     }
 
     fn link(&self) -> Link {
-        let trouble = self.trouble.as_ref().map(|(text, _)| text.clone());
+        let trouble = self.trouble.as_ref().map(|(text, _)| Cause::Transport(text.clone()));
         link(self.remote.node(), &self.remote.servers(), trouble)
     }
 
@@ -98,18 +100,16 @@ impl Listener for PropertiesListener {
 }
 
 /// The link to a node with so many servers of its parameters.
-pub(super) fn link(node: &str, servers: &Peers, trouble: Option<String>) -> Link {
+pub(super) fn link(node: &str, servers: &Peers, trouble: Option<Cause>) -> Link {
     let (peers, waiting_for) = match servers {
         Peers::Ready(servers) => (*servers, trouble),
         Peers::Foreign(theirs) => {
             let (theirs, ours) = (theirs.rmw(), theirs.other().rmw());
-            let what = format!(
-                "node {node} to speak {ours}: it runs {theirs}; set RMW_IMPLEMENTATION={theirs} \
-                 here, or {ours} there"
-            );
-            (0, Some(what))
+            (0, Some(Cause::NodeMapping { node: node.to_owned(), theirs, ours }))
         }
-        Peers::None | Peers::Half => (0, Some(format!("node {node}"))),
+        Peers::None | Peers::Half => {
+            (0, Some(Absent::new(Role::Server, "node", NAME, node).into()))
+        }
     };
     Link { peers: Some(peers), waiting_for, keeps_last: false }
 }
@@ -121,17 +121,14 @@ mod tests {
 
     #[test]
     fn what_is_waited_for_is_said() {
-        let waits = |peers, trouble: Option<&str>| {
-            link("/camera", &peers, trouble.map(str::to_owned)).waiting_for
-        };
+        let waits = |peers, trouble| link("/camera", &peers, trouble).waiting_for;
         assert_eq!(waits(Peers::Ready(1), None), None);
-        assert_eq!(waits(Peers::Ready(1), Some("an answer")).as_deref(), Some("an answer"));
-        assert_eq!(waits(Peers::Half, None).as_deref(), Some("node /camera"));
-        let foreign = waits(Peers::Foreign(ServiceMapping::FastDds), None).unwrap();
-        assert_eq!(
-            foreign,
-            "node /camera to speak rmw_cyclonedds_cpp: it runs rmw_fastrtps_cpp; set \
-             RMW_IMPLEMENTATION=rmw_fastrtps_cpp here, or rmw_cyclonedds_cpp there"
-        );
+        let answer = Some(Cause::Transport("an answer".to_owned()));
+        assert_eq!(waits(Peers::Ready(1), answer.clone()), answer);
+        let node = Absent::new(Role::Server, "node", NAME, "/camera");
+        assert_eq!(waits(Peers::Half, None), Some(node.into()));
+        let [theirs, ours] = ["rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"];
+        let foreign = Cause::NodeMapping { node: "/camera".to_owned(), theirs, ours };
+        assert_eq!(waits(Peers::Foreign(ServiceMapping::FastDds), None), Some(foreign));
     }
 }

@@ -8,7 +8,7 @@
 //!     └────────────────────────────────── the node is gone ──────────────────────────────┘
 //! ```
 //!
-//! No thread: whoever owns it calls when the bell rings, and when [`RemoteParameters::deadline`] has
+//! No thread: the program that owns it calls when the bell rings, and when [`RemoteParameters::deadline`] has
 //! come. Events that arrive while the values are read wait in the DDS reader and are applied behind
 //! them, so that the last word is the node's.
 
@@ -39,7 +39,7 @@ use wrapyfi_node::parameters::ParameterService;
 const EVENTS: &str = "/parameter_events";
 /// Events kept until they are taken, of all nodes.
 const EVENTS_KEPT: u32 = 1000;
-/// Time to the next look at things that nobody notifies of: a server that is found by half, the
+/// Time to the next look at things without a notification: a server that is found by half, the
 /// name of the node behind an endpoint.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 /// The same where it may take long, or never come.
@@ -185,7 +185,7 @@ impl RemoteParameters {
         stage.into_iter().chain(self.tellers_seen.1).min()
     }
 
-    /// True when the node is found by half, or wholly since the last look: nobody notifies of that.
+    /// True when the node is found by half, or wholly since the last look: there is no notification of that.
     fn may_be_there(&self) -> bool {
         let ends = [self.list.servers(), self.get.servers()];
         let ready = ends.iter().all(|peers| matches!(peers, Peers::Ready(_)));

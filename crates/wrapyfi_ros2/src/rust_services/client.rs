@@ -14,9 +14,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use super::adapter::Received;
-use super::end::End;
+use super::end::ReopenedEndpoints;
 use super::outgoing::Identity;
-use super::participant::{Shared, Topics};
+use super::participant::{ServicesState, Topics};
 use super::{identity, remotes};
 use crate::discovery_info::Gid;
 use crate::graph::{CdrClient, CdrReply, GraphError, GraphResult, Notify, Peers};
@@ -31,11 +31,11 @@ type Notifiers = Mutex<BTreeMap<u64, Notify>>;
 /// Endpoints that the clients of one service have in common.
 pub(super) struct Endpoints {
     notifiers: Arc<Notifiers>,
-    state: Mutex<State>,
+    state: Mutex<ClientState>,
 }
 
-struct State {
-    end: End,
+struct ClientState {
+    end: ReopenedEndpoints,
     /// GUIDs by which servers name the clients: the reader that their requests carry, or their writer
     /// where a request carries none.
     names: [Gid; 2],
@@ -50,21 +50,21 @@ struct State {
 
 impl Endpoints {
     /// Creates the endpoints and announces them.
-    pub(super) fn open(shared: &Arc<Shared>, topics: Topics) -> GraphResult<Self> {
+    pub(super) fn open(shared: &Arc<ServicesState>, topics: Topics) -> GraphResult<Self> {
         let notifiers = Arc::<Notifiers>::default();
         let all = Arc::clone(&notifiers);
         let ring: Notify = Arc::new(move || {
             let notifiers: Vec<Notify> = all.lock().values().cloned().collect();
             notifiers.iter().for_each(|notify| notify());
         });
-        let end = End::open(shared, "creating a client", topics, ring)?;
+        let end = ReopenedEndpoints::open(shared, "creating a client", topics, ring)?;
         let (sent, waiting) = (BTreeMap::new(), BTreeMap::new());
-        let state = State { names: names(&end), end, last: 0, before: 0, sent, waiting };
+        let state = ClientState { names: names(&end), end, last: 0, before: 0, sent, waiting };
         Ok(Self { notifiers, state: Mutex::new(state) })
     }
 }
 
-impl State {
+impl ClientState {
     fn renew(&mut self) -> GraphResult<()> {
         if self.end.renew()? {
             (self.names, self.before) = (names(&self.end), self.last);
@@ -112,7 +112,7 @@ impl State {
     }
 }
 
-fn names(end: &End) -> [Gid; 2] {
+fn names(end: &ReopenedEndpoints) -> [Gid; 2] {
     [end.pair().reader_guid().to_bytes(), end.pair().writer_guid().to_bytes()]
 }
 

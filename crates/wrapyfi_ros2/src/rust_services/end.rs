@@ -8,13 +8,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::pair::Pair;
-use super::participant::{Opened, Shared, Topics};
+use super::participant::{Opened, ServicesState, Topics};
 use crate::graph::{GraphResult, Notify};
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Endpoints of a client or server, and what it takes to open them anew.
-pub(super) struct End {
-    shared: Arc<Shared>,
+pub(super) struct ReopenedEndpoints {
+    shared: Arc<ServicesState>,
     operation: &'static str,
     topics: Topics,
     notify: Notify,
@@ -23,10 +23,10 @@ pub(super) struct End {
     not_before: Option<Instant>,
 }
 
-impl End {
+impl ReopenedEndpoints {
     /// Creates the endpoints and announces them.
     pub(super) fn open(
-        shared: &Arc<Shared>,
+        shared: &Arc<ServicesState>,
         operation: &'static str,
         topics: Topics,
         notify: Notify,

@@ -51,7 +51,7 @@ impl Goodbye {
         if address.is_loopback() {
             let of_index = |index| ports::discovery(self.domain_id, index);
             for port in (0..ports::PARTICIPANTS).map_while(of_index) {
-                // Nobody has most of these ports.
+                // No program has most of these ports.
                 _ = socket.send_to(&self.datagram, (address, port));
             }
         } else if let Some(port) = ports::multicast(self.domain_id) {

@@ -18,7 +18,7 @@ use crate::graph::RequestId;
 /// Bytes of the identity: a GUID and a sequence number.
 pub(super) const BYTES: usize = 24;
 
-/// A GUID that names nobody.
+/// A GUID that names no client.
 const UNKNOWN: Gid = [0; 16];
 
 /// Identity that a request carries: the reader on which its client awaits the reply.
@@ -40,7 +40,7 @@ pub(super) fn request_id(related: Option<SampleIdentity>, writer: Gid, number: i
     RequestId { client: client.filter(|gid| *gid != UNKNOWN).unwrap_or(writer), sequence: number }
 }
 
-/// Client and number that a reply names; `None` where it names nobody.
+/// Client and number that a reply names; `None` where it names no client.
 pub(super) fn reply_to(related: Option<SampleIdentity>) -> Option<(Gid, i64)> {
     let identity = related?;
     let client = identity.writer_guid.to_bytes();

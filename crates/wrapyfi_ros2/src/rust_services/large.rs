@@ -9,7 +9,7 @@
 //! RTPS tells who sends by the GUID in a message, not by the address it comes from, so both are
 //! samples of one writer. Ours go first: a reader takes the identity from what it has first (Fast
 //! DDS) or last (RustDDS). The number of the sample must be known before RustDDS gives it, which is
-//! so because nobody else uses the writer. A sample for which RustDDS then has no room is owed: no
+//! so because no other program uses the writer. A sample for which RustDDS then has no room is owed: no
 //! other may have its number.
 
 use std::io;

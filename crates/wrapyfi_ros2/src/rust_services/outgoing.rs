@@ -38,7 +38,7 @@ pub(super) type Writer = DataWriter<Bytes, RawCdr>;
 /// The related sample identity of a message that is to be written.
 ///
 /// RustDDS 0.15 puts a byte too many in front of the inline QoS of a sample that it cuts into
-/// fragments: nobody reads it, and a debug build of it panics. So it is given one with whole samples
+/// fragments: no program reads it, and a debug build of it panics. So it is given one with whole samples
 /// only; see [`large`](super::large) for the others.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Identity {

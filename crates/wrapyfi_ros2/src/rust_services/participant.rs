@@ -41,7 +41,7 @@ pub(super) struct Participant {
 }
 
 /// State that the services of one node share: its settings, its participant while there is one, and who hears of changes.
-pub(super) struct Shared {
+pub(super) struct ServicesState {
     pub(super) settings: Settings,
     pub(super) participant: Mutex<Weak<Participant>>,
     pub(super) changes: Arc<Changes>,
@@ -51,7 +51,7 @@ pub(super) struct Shared {
     pub(super) clients: Mutex<Vec<(ServiceDescription, Weak<Endpoints>)>>,
 }
 
-impl Shared {
+impl ServicesState {
     /// The participant, created where there is none, and where the one there was has ended.
     pub(super) fn participant(&self) -> GraphResult<Arc<Participant>> {
         let mut known = self.participant.lock();
@@ -165,18 +165,15 @@ impl Participant {
         self.watch.has_ended()
     }
 
-    /// Changes the announcement, then tells the owner without a lock. One that nobody would hear is left alone: the
+    /// Changes the announcement, then tells the owner. One that no program would hear is left alone: the
     /// participant that follows announces what there is.
     fn change(&self, change: impl FnOnce(&mut Announcement)) {
         if self.has_ended() {
             return;
         }
-        {
-            let mut announcement = self.announcement.lock();
-            change(&mut announcement);
-            self.changes.set(&announcement.endpoints);
-        }
-        self.changes.notify();
+        let mut announcement = self.announcement.lock();
+        change(&mut announcement);
+        self.changes.set(&announcement.endpoints);
     }
 }
 

@@ -58,7 +58,7 @@ impl Remotes {
     }
 
     /// True when samples of our writer reach the reader that belongs to `writer`: a participant has one for each of
-    /// its writers, and which is whose nobody says.
+    /// its writers, and no message says which is whose.
     pub(super) fn has_reader_beside(&self, writer: &Gid) -> bool {
         let beside = |gid: &&Gid| prefix(gid) == prefix(writer) && *gid != writer;
         let others = self.writers.iter().filter(beside).count();

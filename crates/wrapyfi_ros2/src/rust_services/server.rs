@@ -10,17 +10,17 @@ use bytes::Bytes;
 use rustdds::GUID;
 
 use super::adapter::Received;
-use super::end::End;
+use super::end::ReopenedEndpoints;
 use super::outgoing::Identity;
 use super::{identity, remotes};
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping};
 use crate::service_header;
 
 /// Takes requests, sends replies.
-pub(super) struct Server(End);
+pub(super) struct Server(ReopenedEndpoints);
 
 impl Server {
-    pub(super) fn new(end: End) -> Self {
+    pub(super) fn new(end: ReopenedEndpoints) -> Self {
         Self(end)
     }
 }

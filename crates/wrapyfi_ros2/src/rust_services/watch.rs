@@ -8,7 +8,7 @@
 //!
 //! Matches are heard twice. The participant's events come from two threads of RustDDS, so that the
 //! end of a match may be heard before its beginning; those of an endpoint are in order, but only
-//! four of them are kept. So after news of matches whoever discovery does not know any more is
+//! four of them are kept. So after news of matches each peer that discovery does not know any more is
 //! forgotten: a peer that left leaves no ghost.
 //!
 //! RustDDS ends its loops where the system interrupts their wait, as Linux does where a stopped process goes on
@@ -287,7 +287,7 @@ impl Watched {
     }
 }
 
-/// The pairs that somebody holds, by number.
+/// The pairs that are held, by number.
 fn alive(routes: &Mutex<Routes>) -> impl Iterator<Item = (usize, Arc<Pair>)> {
     let routes = routes.lock();
     let pairs = routes.pairs.iter().filter_map(|(number, pair)| Some((*number, pair.upgrade()?)));

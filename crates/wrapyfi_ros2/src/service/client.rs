@@ -18,12 +18,13 @@ use super::USUAL_DEPTH;
 use super::codec::{ServiceCodec, drop_reason};
 use crate::graph::{CdrClient, Graph, GraphError, LOOK_AGAIN, Peers, ServiceMapping, ringing};
 use crate::names::service_type_from_dds;
-use crate::ros2::{Ros2, no_service};
+use crate::ros2::{NAME, Ros2, no_service};
 use wrapyfi_data::EncodeError;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
-    CallError, Context, Link, Mutex, OpenResult, Request, ServiceSpec, Throttle,
+    Absent, CallError, Cause, Context, Link, Mutex, OpenResult, Request, Role, ServiceSpec,
+    Throttle,
 };
 
 /// Time after which the types of the servers are looked at again, where nothing has changed.
@@ -32,9 +33,6 @@ const TYPES: Duration = Duration::from_secs(5);
 /// Servers that were matched when their types were looked at, the time of that, and the type that all of them have
 /// where it is another.
 type Looked = (Peers, Instant, Option<String>);
-
-/// Words before the RMW that no server of a service speaks, in what a client waits for.
-pub const SPEAKS_NOT: &str = " that does not speak ";
 
 /// Calls one service.
 pub(in super::super) struct Ros2Client {
@@ -199,19 +197,19 @@ impl ClientWire for Ros2Client {
     }
 
     fn link(&self) -> Link {
-        let name = &self.codec.spec.service;
+        let absent = Absent::new(Role::Server, "a server of", NAME, &self.codec.spec.service);
         let servers = self.cdr.servers();
-        if let Some(other) = self.other_type(&servers) {
-            let ours = self.codec.type_name();
-            let what = format!("a server of {name} that is {ours}; the one there is {other}");
-            return Link { peers: Some(0), waiting_for: Some(what), keeps_last: false };
-        }
-        let (peers, waiting_for) = match servers {
-            Peers::Ready(servers) => (servers, None),
-            Peers::None => (0, Some(format!("a server of {name}"))),
-            Peers::Half => (0, Some(format!("a server of {name}, found by half"))),
-            Peers::Foreign(theirs) => {
-                (0, Some(format!("a server of {name}{SPEAKS_NOT}{}", theirs.rmw())))
+        let (peers, waiting_for) = match (self.other_type(&servers), servers) {
+            (Some(theirs), _) => {
+                let ours = self.codec.type_name().to_owned();
+                (0, Some(Cause::Type { absent, peer: None, theirs, ours }))
+            }
+            (None, Peers::Ready(servers)) => (servers, None),
+            (None, Peers::None) => (0, Some(Cause::Nobody(absent))),
+            (None, Peers::Half) => (0, Some(Cause::FoundByHalf(absent))),
+            (None, Peers::Foreign(theirs)) => {
+                let (theirs, ours) = (theirs.rmw(), theirs.other().rmw());
+                (0, Some(Cause::ServiceMapping { absent, theirs, ours }))
             }
         };
         Link { peers: Some(peers), waiting_for, keeps_last: false }

@@ -11,18 +11,18 @@
 //! its own bytes; a call gives its fields as arguments.
 
 use bytes::Bytes;
+use wrapyfi_interfaces::cdr::{CdrParts, CdrReader, CdrWriter};
 use wrapyfi_interfaces::description::HIDDEN_FIELD;
-use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, TypePlan, ValueError};
+use wrapyfi_interfaces::dynamic::DynamicMessage;
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::graph::{GraphError, ServiceDescription};
-use crate::payload;
 use crate::ros2::no_service;
 use wrapyfi_data::types::{
-    DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, value_of,
+    DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind,
 };
 use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult};
-use wrapyfi_endpoint::codec::{json, requests, ros};
+use wrapyfi_endpoint::codec::{requests, ros};
 use wrapyfi_endpoint::{DropReason, OpenError, Request, ServiceSpec};
 
 /// Codec of one service: how its requests and replies are written.
@@ -30,45 +30,18 @@ pub(super) struct ServiceCodec {
     /// Service, whose name is absolute.
     pub(super) spec: ServiceSpec,
     pub(super) service: RosService,
-    /// Wrapping of a function of Wrapyfi's; `None` for any other service.
-    wrapped: Option<Wrapped>,
-}
-
-/// The plans of a request's arguments, and of what is returned.
-struct Wrapped {
-    arguments: TypePlan,
-    returned: TypePlan,
-}
-
-/// Payload or error that a function of Wrapyfi returned, read from the reply of a service of this
-/// kind.
-///
-/// # Errors
-/// When the reply does not hold what such services return.
-pub fn returned(
-    kind: ServiceKind,
-    reply: &DynamicMessage,
-) -> DecodeResult<Result<Payload, String>> {
-    let codec = ServiceCodec::new(&ServiceSpec::new("", kind));
-    codec.map_err(|error| malformed("response", error.to_string()))?.read_reply(reply)
 }
 
 impl ServiceCodec {
     pub(super) fn new(spec: &ServiceSpec) -> Result<Self, OpenError> {
         let spec = spec.clone();
         if let ServiceKind::Ros(service) = spec.kind {
-            return Ok(Self { spec, service, wrapped: None });
+            return Ok(Self { spec, service });
         }
-        let mut store = TypeStore::generated();
-        let mut resolve =
-            |name: &str| store.resolve_name(name).map_err(|error| no_service(&spec, &error));
-        let mut plan =
-            |name: &str| resolve(name)?.plan().map_err(|error| no_service(&spec, &error));
-        let arguments = plan(MessageType::NativeObject.ros_type())?;
-        let returned = plan(spec.kind.message_type().ros_type())?;
-        let service = RosService::new(&resolve(spec.kind.ros_type())?);
-        let service = service.map_err(|error| no_service(&spec, &error))?;
-        Ok(Self { spec, service, wrapped: Some(Wrapped { arguments, returned }) })
+        let resolved = TypeStore::generated().resolve_name(spec.kind.ros_type());
+        let resolved = resolved.map_err(|error| no_service(&spec, &error))?;
+        let service = RosService::new(&resolved).map_err(|error| no_service(&spec, &error))?;
+        Ok(Self { spec, service })
     }
 
     pub(super) fn describe(&self, depth: u32) -> ServiceDescription {
@@ -92,80 +65,68 @@ impl ServiceCodec {
     }
 
     pub(super) fn encode_request(&self, request: &Request) -> EncodeResult<Bytes> {
-        let Some(Wrapped { arguments, .. }) = &self.wrapped else {
-            return requests::asked_message(request, self.service, self.most())
+        let spec = &self.spec;
+        if let ServiceKind::Ros(service) = spec.kind {
+            return requests::asked_message(request, service.request(), self.most())
                 .map(|asked| asked.cdr);
-        };
-        let field = if self.spec.kind.is_upstream() {
-            text(requests::encode_request(request, &self.spec)?)?.into()
+        }
+        // The only field of a request has the bytes of the message.
+        let parts = if spec.kind.is_upstream() {
+            let mut writer = CdrWriter::new();
+            writer.write_text(&requests::encode_request(request, spec)?.into());
+            writer.finish()
         } else {
             // Refuses what no caller may send, such as keywords that are no text.
             let call = Payload::from(requests::to_value(&*requests::call(request)?));
-            self.message(&call, MessageType::NativeObject, arguments)?.into()
+            ros::encode(&call, MessageType::NativeObject, &spec.plugins)?
         };
-        written(self.service.request(), [("request", field)])
+        self.within_limit(&parts)
     }
 
     pub(super) fn decode_request(&self, cdr: &Bytes) -> DecodeResult<Request> {
-        let Some(Wrapped { arguments, .. }) = &self.wrapped else {
-            return self.own(self.service.request(), cdr).map(Request::Message);
-        };
-        let message = self.fields(self.service.request(), cdr)?;
-        if self.spec.kind.is_upstream() {
-            return requests::decode_request(&text_of(&message, "request")?, &self.spec);
+        let ServiceSpec { kind, limits, plugins, .. } = &self.spec;
+        if let ServiceKind::Ros(service) = kind {
+            return self.own(service.request(), cdr).map(Request::Message);
         }
-        match self.payload(&message, "request", arguments, MessageType::NativeObject)? {
+        if kind.is_upstream() {
+            let text =
+                CdrReader::within(cdr, self.most()).and_then(|mut reader| reader.read_text());
+            let text = text.map_err(|error| ros::fault(&error.in_field("request")))?;
+            return requests::decode_request(&text, &self.spec);
+        }
+        match ros::decode(cdr, MessageType::NativeObject, limits, plugins)? {
             Payload::NativeObject(object) => requests::from_value(object.value),
-            other => Err(mismatch(DataType::NativeObject, other.data_type())),
+            other => Err(DecodeError::mismatch(
+                DataType::NativeObject.to_string(),
+                other.data_type().to_string(),
+            )),
         }
     }
 
     pub(super) fn encode_reply(&self, returned: &Payload) -> EncodeResult<Bytes> {
-        let Some(Wrapped { returned: plan, .. }) = &self.wrapped else {
-            let message = requests::returned_message(returned, self.service, self.most());
+        let ServiceSpec { kind, plugins, .. } = &self.spec;
+        if let ServiceKind::Ros(service) = kind {
+            let message = requests::returned_message(returned, service.response(), self.most());
             return message.map(|message| message.cdr);
-        };
-        let returned = &*requests::without_messages(returned)?;
-        let wanted = self.spec.kind.data_type();
-        if returned.data_type() != wanted {
-            let (expected, actual) = (wanted.to_string(), returned.data_type().to_string());
-            return Err(EncodeError::mismatch(expected, actual));
         }
-        let message_type = self.spec.kind.message_type();
-        let field = match (message_type, returned) {
-            (MessageType::StringJson, Payload::NativeObject(value)) => {
-                text(json::encode_with(value, &self.spec.plugins)?)?.into()
-            }
-            _ => self.message(returned, message_type, plan)?.into(),
-        };
-        let success = (!self.spec.kind.is_upstream()).then(|| ("success", true.into()));
-        written(self.service.response(), success.into_iter().chain([("response", field)]))
+        let returned = &*requests::without_messages(returned)?;
+        self.within_limit(&ros::encode_reply(returned, *kind, plugins)?)
+    }
+
+    fn within_limit(&self, parts: &CdrParts) -> EncodeResult<Bytes> {
+        EncodeError::check_size(parts.len(), self.most())?;
+        Ok(parts.to_bytes())
     }
 
     /// Payload or error that a reply carries.
     pub(super) fn decode_reply(&self, cdr: &Bytes) -> DecodeResult<Result<Payload, String>> {
-        if self.wrapped.is_none() {
-            return self.own(self.service.response(), cdr).map(|message| Ok(message.into()));
+        let ServiceSpec { kind, limits, plugins, .. } = &self.spec;
+        match kind {
+            ServiceKind::Ros(service) => {
+                self.own(service.response(), cdr).map(|message| Ok(message.into()))
+            }
+            _ => ros::decode_reply(cdr, *kind, limits, plugins),
         }
-        self.read_reply(&self.fields(self.service.response(), cdr)?)
-    }
-
-    fn read_reply(&self, message: &DynamicMessage) -> DecodeResult<Result<Payload, String>> {
-        let Some(Wrapped { returned, .. }) = &self.wrapped else {
-            return Ok(Ok(value_of(message).into()));
-        };
-        let failed = matches!(message.get("success"), Some(DynamicValue::Bool(false)));
-        if !self.spec.kind.is_upstream() && failed {
-            let reason = message.get("message").and_then(|text| text.as_str()).unwrap_or_default();
-            return Ok(Err(reason.to_owned()));
-        }
-        let message_type = self.spec.kind.message_type();
-        if message_type == MessageType::StringJson {
-            let text = text_of(message, "response")?;
-            let value = json::decode_with(&text, &self.spec.limits, &self.spec.plugins)?;
-            return Ok(Ok(value.into()));
-        }
-        self.payload(message, "response", returned, message_type).map(Ok)
     }
 
     /// A reply that says what went wrong, for services whose replies have room for it: see
@@ -180,39 +141,6 @@ impl ServiceCodec {
         let message = RosMessage::new(ros_type, cdr.clone());
         message.check(self.most()).map_err(|error| ros::fault(&error))?;
         Ok(message)
-    }
-
-    fn fields(&self, ros_type: RosType, cdr: &Bytes) -> DecodeResult<DynamicMessage> {
-        ros_type.plan().decode_exact(cdr, self.most()).map_err(|error| ros::fault(&error))
-    }
-
-    /// A payload as the message that a field holds. Pixels and samples are copied in one piece.
-    fn message(
-        &self,
-        payload: &Payload,
-        message_type: MessageType,
-        plan: &TypePlan,
-    ) -> EncodeResult<DynamicMessage> {
-        let ServiceSpec { color_order, limits, plugins, .. } = &self.spec;
-        let cdr = payload::encode(payload, message_type, *color_order, limits, plugins)?.to_bytes();
-        plan.decode(&cdr, limits.message_bytes).map_err(|fault| {
-            EncodeError::unrepresentable("a service", fault.to_string(), "raise max_message_mib")
-        })
-    }
-
-    /// Payload of the message in a field.
-    fn payload(
-        &self,
-        of: &DynamicMessage,
-        field: &str,
-        plan: &TypePlan,
-        message_type: MessageType,
-    ) -> DecodeResult<Payload> {
-        let nested = of.get(field).and_then(|value| value.as_message());
-        let nested = nested.ok_or_else(|| malformed(field, "no message".to_owned()))?;
-        let cdr = plan.encode(nested).map_err(|fault| malformed(field, fault.to_string()))?;
-        let (limits, plugins) = (&self.spec.limits, &self.spec.plugins);
-        ros::decode_with(&cdr.to_bytes(), message_type, limits, plugins)
     }
 }
 
@@ -233,46 +161,6 @@ pub(super) fn error_reply(service: RosService, text: &str) -> Option<DynamicMess
         .iter()
         .any(|name| reply.set(name, text).is_ok());
     Some(reply)
-}
-
-/// A message with these fields.
-fn written(
-    ros_type: RosType,
-    fields: impl IntoIterator<Item = (&'static str, DynamicValue)>,
-) -> EncodeResult<Bytes> {
-    let mut message = ros_type.plan().default_message();
-    for (name, value) in fields {
-        message.set(name, value).map_err(|fault| unwritable(&fault))?;
-    }
-    Ok(ros_type.plan().encode(&message).map_err(|fault| unwritable(&fault))?.to_bytes())
-}
-
-fn text(json: Vec<u8>) -> EncodeResult<String> {
-    String::from_utf8(json).map_err(|error| {
-        EncodeError::unrepresentable(
-            "a service",
-            format!("JSON that is not UTF-8: {error}"),
-            "write it in UTF-8",
-        )
-    })
-}
-
-fn text_of(message: &DynamicMessage, field: &str) -> DecodeResult<Bytes> {
-    let text = message.get(field).and_then(|value| value.as_str());
-    let text = text.ok_or_else(|| malformed(field, "no text".to_owned()))?;
-    Ok(Bytes::copy_from_slice(text.as_bytes()))
-}
-
-fn unwritable(fault: &ValueError) -> EncodeError {
-    EncodeError::unrepresentable("a service", fault.to_string(), "check the definition of its type")
-}
-
-fn malformed(field: &str, reason: String) -> DecodeError {
-    DecodeError::Malformed { format: "CDR", path: format!("$.{field}"), reason }
-}
-
-fn mismatch(expected: DataType, actual: DataType) -> DecodeError {
-    DecodeError::mismatch(expected.to_string(), actual.to_string())
 }
 
 /// Reason as which a message that cannot be used is counted; `None` where DDS itself fails.
@@ -304,7 +192,7 @@ mod tests {
 
     /// The fields of a request.
     fn asked(codec: &ServiceCodec, cdr: &Bytes) -> DynamicMessage {
-        codec.fields(codec.service.request(), cdr).unwrap()
+        codec.service.request().plan().decode_exact(cdr, codec.most()).unwrap()
     }
 
     #[test]
@@ -345,12 +233,10 @@ mod tests {
                 DataType::AudioChunk => sound.clone().into(),
                 _ => Value::from(Map::from([("n", 1)])).into(),
             };
+            let conversion = codec.spec.conversion().unwrap();
+            let payload = conversion.convert(payload, Stamp::now).unwrap();
             let got = codec.decode_reply(&codec.encode_reply(&payload).unwrap()).unwrap();
-            if kind == ServiceKind::CompressedImage {
-                assert_eq!(got.map(|payload| payload.data_type()), Ok(DataType::Image));
-            } else {
-                assert_eq!(got, Ok(payload), "{kind}");
-            }
+            assert_eq!(got, Ok(payload), "{kind}");
             let other: Payload = match kind.data_type() {
                 DataType::Image => sound.clone().into(),
                 _ => Image::new(stamp, raw.clone()).into(),
@@ -397,7 +283,10 @@ mod tests {
     #[test]
     fn arguments_that_are_none_are_named() {
         let refusal = |codec: &ServiceCodec, field, text: &str| {
-            let cdr = written(codec.service.request(), [(field, text.into())]).unwrap();
+            let plan = codec.service.request().plan();
+            let mut message = plan.default_message();
+            message.set(field, text).unwrap();
+            let cdr = plan.encode(&message).unwrap().to_bytes();
             codec.decode_request(&cdr).unwrap_err().to_string()
         };
         let ours = codec(ServiceKind::Image);

@@ -13,8 +13,6 @@ pub(super) mod replies;
 mod server;
 
 pub(super) use client::Ros2Client;
-pub use client::SPEAKS_NOT;
-pub use codec::returned;
 pub(super) use server::Ros2Server;
 
 use wrapyfi_endpoint::ServiceSpec;

@@ -6,7 +6,7 @@
 //!                                         └─ too long, too many ─▶ unheard, counted
 //! ```
 //!
-//! Discovery may bring a request before its client's other half, and a reply that nobody hears is
+//! Discovery may bring a request before its client's other half, and a reply that no client hears is
 //! lost. Other clients that do not acknowledge, because they have just come or were killed, take the
 //! room in which replies wait: those to the living wait for it.
 

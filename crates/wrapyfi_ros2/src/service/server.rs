@@ -6,10 +6,10 @@
 //! ```
 //!
 //! A reply is not sent before its client's half of the match is there: discovery may bring a request
-//! first, and a reply that nobody hears is lost.
+//! first, and a reply that no client hears is lost.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
@@ -25,6 +25,9 @@ use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
 use wrapyfi_endpoint::{
     Context, DropReason, Link, OpenResult, Request, ServeError, ServeResult, ServiceSpec,
 };
+
+/// Time within which a client must have become able to hear an answer, whatever time its request had.
+const HEARS_WITHIN: Duration = Duration::from_secs(30);
 
 /// Serves one service.
 pub(in super::super) struct Ros2Server {
@@ -141,6 +144,7 @@ impl ServerWire for Ros2Server {
 
     fn send(&mut self, Ask { id, until, .. }: Ask, answer: Result<Bytes, &str>) -> Sent {
         let why = answer.as_ref().err().copied();
+        let until = until.min(ends(self.context.clock.now(), HEARS_WITHIN));
         let sent = match answer {
             Ok(cdr) => {
                 let bytes = cdr.len();

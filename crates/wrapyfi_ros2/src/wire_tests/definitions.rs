@@ -6,22 +6,11 @@ use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use crate::names::{self, RosName};
 
 /// Definitions that this crate does not bring along.
-const OTHERS: [(&str, &str); 12] = [
+const OTHERS: [(&str, &str); 7] = [
     ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n"),
     (
         "example_interfaces/action/Fibonacci",
         "int32 order\n---\nint32[] sequence\n---\nint32[] sequence\n",
-    ),
-    ("unique_identifier_msgs/msg/UUID", "uint8[16] uuid\n"),
-    (
-        "action_msgs/msg/GoalInfo",
-        "unique_identifier_msgs/UUID goal_id\nbuiltin_interfaces/Time stamp\n",
-    ),
-    ("action_msgs/msg/GoalStatus", "action_msgs/GoalInfo goal_info\nint8 status\n"),
-    ("action_msgs/msg/GoalStatusArray", "action_msgs/GoalStatus[] status_list\n"),
-    (
-        "action_msgs/srv/CancelGoal",
-        "action_msgs/GoalInfo goal_info\n---\nint8 return_code\naction_msgs/GoalInfo[] goals_canceling\n",
     ),
     ("std_msgs/msg/Empty", ""),
     ("std_msgs/msg/Float64", "float64 data\n"),

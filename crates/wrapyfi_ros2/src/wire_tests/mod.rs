@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The pairing of replies with requests is tested in `rust_services`. A payload of a kind that
-//! nobody here knows makes the test fail.
+//! the test does not know makes it fail.
 
 mod definitions;
 mod discovery;

@@ -28,23 +28,23 @@ pub enum BottleError {
     },
     /// More elements than the limit.
     #[error(
-        "more than {0} values in one bottle: raise Limits::max_elements, or read it as a vector"
+        "more than {0} values in one bottle: raise WireLimits::max_elements, or read it as a vector"
     )]
     TooManyElements(usize),
     /// Lists in lists beyond the limit.
-    #[error("lists nested more than {limit} deep: raise Limits::max_depth")]
+    #[error("lists nested more than {limit} deep: raise WireLimits::max_depth")]
     TooDeep {
         /// Limit.
         limit: usize,
     },
     /// Longer than a message may be.
     #[error(
-        "a bottle of {length} bytes or more, the limit is {limit}: raise Limits::max_message_bytes"
+        "a bottle of {length} bytes or more, the limit is {limit}: raise WireLimits::max_message_bytes"
     )]
     TooLong {
         /// Length of the bottle in bytes, as far as known.
         length: usize,
-        /// [`crate::Limits::max_message_bytes`].
+        /// [`crate::WireLimits::max_message_bytes`].
         limit: usize,
     },
 }
@@ -57,13 +57,6 @@ impl BottleError {
                 "{what} at byte {at} is {length}: lengths cannot be negative, the message is damaged"
             ))
         })
-    }
-
-    /// Error of something else than a list where a bottle begins.
-    pub(super) fn not_a_list(code: i32) -> Self {
-        Self::Damaged(format!(
-            "a bottle begins with a list code (256 and above), not with {code}: it is no bottle"
-        ))
     }
 }
 

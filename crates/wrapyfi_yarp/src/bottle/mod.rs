@@ -30,7 +30,7 @@ use read::Reader;
 use text_read::TextReader;
 use text_write::is_key;
 
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// State of a bottle whose bytes are still arriving, found by [`Bottle::frame`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl Bottle {
     pub fn decode(
         bytes: &Bytes,
         dialect: Dialect,
-        limits: &Limits,
+        limits: &WireLimits,
     ) -> Result<(Self, usize), BottleError> {
         let mut reader = Reader::new(bytes, dialect, limits);
         let bottle = reader.bottle(0)?;
@@ -64,7 +64,7 @@ impl Bottle {
     pub fn decode_whole(
         bytes: &Bytes,
         dialect: Dialect,
-        limits: &Limits,
+        limits: &WireLimits,
     ) -> Result<Self, BottleError> {
         let (bottle, used) = Self::decode(bytes, dialect, limits)?;
         let length = bytes.len();
@@ -87,7 +87,7 @@ impl Bottle {
     pub fn decode_either(
         bytes: &Bytes,
         preferred: Dialect,
-        limits: &Limits,
+        limits: &WireLimits,
     ) -> Result<(Self, Dialect), BottleError> {
         let error = match Self::decode_whole(bytes, preferred, limits) {
             Ok(bottle) => return Ok((bottle, preferred)),
@@ -102,8 +102,17 @@ impl Bottle {
     ///
     /// # Errors
     /// When the bytes so far cannot be the start of a bottle, or exceed `limits`.
-    pub fn frame(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Frame, BottleError> {
+    pub fn frame(
+        bytes: &[u8],
+        dialect: Dialect,
+        limits: &WireLimits,
+    ) -> Result<Frame, BottleError> {
         BottleScan::new(dialect, limits).advance(bytes)
+    }
+
+    /// True when `bytes` are a bottle of that dialect, and nothing else.
+    pub fn is_whole(bytes: &[u8], dialect: Dialect, limits: &WireLimits) -> bool {
+        Self::frame(bytes, dialect, limits) == Ok(Frame::Complete(bytes.len()))
     }
 
     /// The bottle as bytes, as YARP writes it.
@@ -112,17 +121,8 @@ impl Bottle {
     /// When the dialect has no code for a value, or a length exceeds 31 bits.
     pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
         let mut bytes = Vec::new();
-        self.encode_into(&mut bytes, dialect)?;
+        write::bottle(self, &mut bytes, dialect)?;
         Ok(bytes)
-    }
-
-    /// [`Bottle::encode`] behind what `out` holds. After an error, `out` is as it was.
-    ///
-    /// # Errors
-    /// As [`Bottle::encode`].
-    pub fn encode_into(&self, out: &mut Vec<u8>, dialect: Dialect) -> Result<(), EncodeError> {
-        let start = out.len();
-        write::bottle(self, out, dialect).inspect_err(|_| out.truncate(start))
     }
 
     /// Reads YARP's text form, as typed into `yarp write` or sent over the text carriers. Like
@@ -130,7 +130,7 @@ impl Bottle {
     ///
     /// # Errors
     /// When the text exceeds `limits`.
-    pub fn from_text(text: &[u8], limits: &Limits) -> Result<Self, BottleError> {
+    pub fn from_text(text: &[u8], limits: &WireLimits) -> Result<Self, BottleError> {
         Self::from_text_as(text, Dialect::V3, limits)
     }
 
@@ -142,7 +142,7 @@ impl Bottle {
     pub fn from_text_as(
         text: &[u8],
         dialect: Dialect,
-        limits: &Limits,
+        limits: &WireLimits,
     ) -> Result<Self, BottleError> {
         let (length, limit) = (text.len(), limits.max_message_bytes);
         if length > limit {

@@ -5,7 +5,7 @@ use bytes::Bytes;
 use super::error::BottleError;
 use super::kind::{Code, Kind, LIST};
 use super::{Bottle, Text, Value, Vocab, Vocab64};
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// Elements for which a list of mixed kinds reserves memory before it has read them: lists in lists
 /// that claim more than they send gain nothing.
@@ -18,12 +18,12 @@ pub(super) struct Reader<'a> {
     bytes: &'a Bytes,
     at: usize,
     dialect: Dialect,
-    limits: &'a Limits,
+    limits: &'a WireLimits,
     elements_left: usize,
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(bytes: &'a Bytes, dialect: Dialect, limits: &'a Limits) -> Self {
+    pub(super) fn new(bytes: &'a Bytes, dialect: Dialect, limits: &'a WireLimits) -> Self {
         Self { bytes, at: 0, dialect, limits, elements_left: limits.max_elements }
     }
 
@@ -31,11 +31,7 @@ impl<'a> Reader<'a> {
     pub(super) fn bottle(&mut self, depth: usize) -> Result<Bottle, BottleError> {
         let at = self.at;
         let code = self.int("a list code")?;
-        match Code::of(code, self.dialect) {
-            Some(Code::List(kind)) => self.list(kind, depth),
-            None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::not_a_list(code)),
-        }
+        self.list(list_kind(code, at, self.dialect)?, depth)
     }
 
     /// Offset of the next value; never beyond the limit of a message.
@@ -142,6 +138,21 @@ impl<'a> Reader<'a> {
 
     fn left(&self) -> usize {
         self.bytes.len().saturating_sub(self.at)
+    }
+}
+
+/// Kind of the elements of the list that a code begins, where they come without codes.
+pub(super) fn list_kind(
+    code: i32,
+    at: usize,
+    dialect: Dialect,
+) -> Result<Option<Kind>, BottleError> {
+    match Code::of(code, dialect) {
+        Some(Code::List(kind)) => Ok(kind),
+        None if code & LIST != 0 => Err(wrong_code(code, at, dialect)),
+        _ => Err(BottleError::Damaged(format!(
+            "a bottle begins with a list code (256 and above), not with {code}: it is no bottle"
+        ))),
     }
 }
 

@@ -7,9 +7,9 @@
 
 use super::Frame;
 use super::error::BottleError;
-use super::kind::{Code, Kind, LIST};
-use super::read::wrong_code;
-use crate::{Dialect, Limits};
+use super::kind::{Code, Kind};
+use super::read::{list_kind, wrong_code};
+use crate::{Dialect, WireLimits};
 
 /// Finds the end of a bottle whose bytes arrive in pieces, without reading any of them twice.
 ///
@@ -17,7 +17,7 @@ use crate::{Dialect, Limits};
 #[derive(Debug, Clone)]
 pub struct BottleScan {
     dialect: Dialect,
-    limits: Limits,
+    limits: WireLimits,
     /// Offset of the first byte that was not looked at; may lie behind the bytes that have arrived.
     at: usize,
     elements: usize,
@@ -36,7 +36,7 @@ struct Open {
 
 impl BottleScan {
     /// A scan of a bottle that has not begun to arrive.
-    pub fn new(dialect: Dialect, limits: &Limits) -> Self {
+    pub fn new(dialect: Dialect, limits: &WireLimits) -> Self {
         Self { dialect, limits: limits.clone(), at: 0, elements: 0, open: None }
     }
 
@@ -48,7 +48,7 @@ impl BottleScan {
         if self.open.is_none() {
             // A wrong code shows itself before its count has arrived.
             let Some(code) = int(bytes, 0) else { return Ok(need(8, bytes)) };
-            self.list_kind(code, 0)?;
+            list_kind(code, 0, self.dialect)?;
             let Some(count) = int(bytes, 4) else { return Ok(need(8, bytes)) };
             self.begin_list(code, count, 0)?;
         }
@@ -116,7 +116,7 @@ impl BottleScan {
 
     /// Enters a list whose code stands at `at`.
     fn begin_list(&mut self, code: i32, count: i32, at: usize) -> Result<(), BottleError> {
-        let kind = self.list_kind(code, at)?;
+        let kind = list_kind(code, at, self.dialect)?;
         let left = BottleError::length("the count of a list", at + 4, count)?;
         self.elements = self.elements.saturating_add(left);
         if self.elements > self.limits.max_elements {
@@ -129,14 +129,6 @@ impl BottleScan {
         open.push(Open { kind, left });
         let length = at + 8 - self.at;
         self.skip(length)
-    }
-
-    fn list_kind(&self, code: i32, at: usize) -> Result<Option<Kind>, BottleError> {
-        match Code::of(code, self.dialect) {
-            Some(Code::List(kind)) => Ok(kind),
-            None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::not_a_list(code)),
-        }
     }
 
     /// One element less to come in the innermost list.

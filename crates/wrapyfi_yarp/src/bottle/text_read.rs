@@ -12,17 +12,17 @@ use bytes::Bytes;
 
 use super::error::BottleError;
 use super::{Bottle, Text, Value, Vocab, Vocab64};
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// Reads words into values.
 pub(super) struct TextReader<'a> {
     dialect: Dialect,
-    limits: &'a Limits,
+    limits: &'a WireLimits,
     elements_left: usize,
 }
 
 impl<'a> TextReader<'a> {
-    pub(super) fn new(dialect: Dialect, limits: &'a Limits) -> Self {
+    pub(super) fn new(dialect: Dialect, limits: &'a WireLimits) -> Self {
         Self { dialect, limits, elements_left: limits.max_elements }
     }
 

@@ -20,10 +20,9 @@ pub(super) fn bottle(bottle: &Bottle, out: &mut Vec<u8>) {
 /// Appends one element.
 pub(super) fn value(value: &Value, out: &mut Vec<u8>) {
     match value {
-        Value::Int8(number) => integer(i64::from(*number), out),
-        Value::Int16(number) => integer(i64::from(*number), out),
-        Value::Int32(number) => integer(i64::from(*number), out),
-        Value::Int64(number) => integer(*number, out),
+        Value::Int8(_) | Value::Int16(_) | Value::Int32(_) | Value::Int64(_) => {
+            integer(value.as_i64().unwrap_or_default(), out);
+        }
         Value::Float32(number) => float(f64::from(*number), out),
         Value::Float64(number) => float(*number, out),
         Value::Vocab32(vocab) => {

@@ -55,19 +55,27 @@ fn code_of(value: &Value, dialect: Dialect) -> Result<Option<i32>, EncodeError> 
 }
 
 fn kind(value: &Value) -> Option<Kind> {
-    Some(match value {
-        Value::Int8(_) => Kind::Int8,
-        Value::Int16(_) => Kind::Int16,
-        Value::Int32(_) => Kind::Int32,
-        Value::Int64(_) => Kind::Int64,
-        Value::Float32(_) => Kind::Float32,
-        Value::Float64(_) => Kind::Float64,
-        Value::Vocab32(_) => Kind::Vocab32,
-        Value::Vocab64(_) => Kind::Vocab64,
-        Value::String(_) => Kind::String,
-        Value::Blob(_) => Kind::Blob,
-        Value::List(_) | Value::Dict(_) => return None,
-    })
+    match value {
+        Value::String(_) => Some(Kind::String),
+        Value::Blob(_) => Some(Kind::Blob),
+        value => number(value).map(|(kind, _)| kind),
+    }
+}
+
+/// Kind and bytes of a number or vocab; as many of the bytes count as its kind has.
+fn number(value: &Value) -> Option<(Kind, [u8; 8])> {
+    let (kind, bits) = match value {
+        Value::Int8(number) => (Kind::Int8, i64::from(*number)),
+        Value::Int16(number) => (Kind::Int16, i64::from(*number)),
+        Value::Int32(number) => (Kind::Int32, i64::from(*number)),
+        Value::Int64(number) => (Kind::Int64, *number),
+        Value::Float32(number) => (Kind::Float32, i64::from(number.to_bits())),
+        Value::Float64(number) => (Kind::Float64, number.to_bits().cast_signed()),
+        Value::Vocab32(vocab) => (Kind::Vocab32, i64::from(vocab.0)),
+        Value::Vocab64(vocab) => (Kind::Vocab64, vocab.0),
+        Value::String(_) | Value::Blob(_) | Value::List(_) | Value::Dict(_) => return None,
+    };
+    Some((kind, bits.to_le_bytes()))
 }
 
 fn least_size(value: &Value) -> usize {
@@ -82,19 +90,15 @@ fn least_size(value: &Value) -> usize {
 /// Writes the bytes of a value, which follow its code.
 fn raw(value: &Value, out: &mut Vec<u8>) -> Result<(), EncodeError> {
     match value {
-        Value::Int8(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Int16(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Int32(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Int64(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Float32(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Float64(number) => out.extend_from_slice(&number.to_le_bytes()),
-        Value::Vocab32(vocab) => out.extend_from_slice(&vocab.0.to_le_bytes()),
-        Value::Vocab64(vocab) => out.extend_from_slice(&vocab.0.to_le_bytes()),
-        Value::String(text) => block("a string", text.as_bytes(), out)?,
-        Value::Blob(bytes) => block("a blob", bytes, out)?,
-        Value::List(_) | Value::Dict(_) => {}
+        Value::String(text) => block("a string", text.as_bytes(), out),
+        Value::Blob(bytes) => block("a blob", bytes, out),
+        value => {
+            let number = number(value);
+            let bytes = number.as_ref().and_then(|(kind, bytes)| bytes.get(..kind.size()));
+            out.extend_from_slice(bytes.unwrap_or_default());
+            Ok(())
+        }
     }
-    Ok(())
 }
 
 fn block(what: &'static str, bytes: &[u8], out: &mut Vec<u8>) -> Result<(), EncodeError> {

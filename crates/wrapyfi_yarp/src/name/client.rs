@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Each request has a connection of its own, as in YARP, is given up after a time, and reads no more
-//! than the limits allow: whoever answers at that address need not be a name server.
+//! than the limits allow: the program that answers at that address need not be a name server.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -25,7 +25,7 @@ use crate::port::names::{Later, NameRequest, Names, Registration};
 use crate::port::tools::contact;
 use crate::wire::text::{AnswerReader, Lined};
 use crate::wire::{Carrier, Command, Sender};
-use crate::{Bottle, Dialect, Limits, Value};
+use crate::{Bottle, Dialect, Value, WireLimits};
 
 /// Time for which YARP's own programs wait for a name server.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -39,7 +39,7 @@ pub struct PersistentConnection {
     pub dest: String,
 }
 
-/// Most requests at once. YARP's name server has room for five connections that wait; whoever finds none
+/// Most requests at once. YARP's name server has room for five connections that wait; the program that finds none
 /// tries again after a second.
 const AT_ONCE: usize = 2;
 
@@ -60,7 +60,7 @@ struct Settings {
     server: NameServerConf,
     namespace: String,
     timeout: Duration,
-    limits: Limits,
+    limits: WireLimits,
     hosts: BTreeMap<String, IpAddr>,
     room: Arc<Semaphore>,
 }
@@ -72,7 +72,7 @@ impl NameClient {
             server,
             namespace: super::conf::DEFAULT_NAMESPACE.to_owned(),
             timeout: DEFAULT_TIMEOUT,
-            limits: Limits::default(),
+            limits: WireLimits::default(),
             hosts: BTreeMap::new(),
             room: Arc::new(Semaphore::new(AT_ONCE)),
         }))
@@ -107,7 +107,7 @@ impl NameClient {
 
     /// The same with other limits of what an answer may be.
     #[must_use]
-    pub fn with_limits(mut self, limits: Limits) -> Self {
+    pub fn with_limits(mut self, limits: WireLimits) -> Self {
         Arc::make_mut(&mut self.0).limits = limits;
         self
     }
@@ -128,7 +128,7 @@ impl NameClient {
     }
 
     /// Limits of answers.
-    pub fn limits(&self) -> &Limits {
+    pub fn limits(&self) -> &WireLimits {
         &self.0.limits
     }
 
@@ -149,8 +149,7 @@ impl NameClient {
     /// A connection for more than one request.
     pub(super) async fn greet(&self, carrier: Carrier, name: &str) -> Result<Link, LinkError> {
         let (address, options) = (self.address(), self.link_options());
-        let opened = Link::open(&address, carrier, &Sender::new(name), &[], &options).await;
-        opened.map(|(link, _)| link)
+        Link::open(&address, carrier, &Sender::new(name), &[], &options).await
     }
 
     /// Does `work`, whose turn it is now or later, within the time allowed.
@@ -187,8 +186,8 @@ impl NameClient {
         self.registration(&command, &answer)
     }
 
-    /// Registers a port, which takes the name from whoever had it. One that the name server then tells for another
-    /// number is forgotten and registered once more.
+    /// Registers a port, which takes the name from the program that had it. One that the name server then tells for
+    /// another number is forgotten and registered once more.
     pub async fn register(&self, request: &NameRequest) -> Result<Registration, NameError> {
         let is_there = |at: &Registration| request.port.is_none_or(|port| port == at.port);
         let at = self.register_once(request).await?;

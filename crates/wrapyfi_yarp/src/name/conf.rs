@@ -6,7 +6,7 @@
 //!   yarp.conf: "127.0.0.1 10000 yarp"  or  [name] host, port, mode
 //! ```
 //!
-//! There is no address to fall back to: without a file nobody knows a name server.
+//! There is no address to fall back to: without a file no name server is known.
 
 use std::fmt;
 use std::io::ErrorKind;
@@ -75,7 +75,7 @@ pub enum ConfError {
 }
 
 impl ConfError {
-    /// True when nobody has said where a name server is, rather than said it wrongly.
+    /// True when no setting says where a name server is, rather than a wrong one.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing(_) | Self::NoFolder)
     }

@@ -38,22 +38,11 @@ impl Target {
         }
         Self { carrier: carrier.to_owned(), network: network.to_owned(), name: name.to_owned() }
     }
-
-    /// The carrier without its qualifiers.
-    pub fn carrier_name(&self) -> &str {
-        self.carrier.split('+').next().unwrap_or_default()
-    }
-
-    /// True when the receiver asks the sender for data with this carrier, instead of the other way
-    /// round.
-    pub fn is_pull(&self) -> bool {
-        is_pull(self.carrier_name())
-    }
 }
 
-/// True when connections of this carrier are opened by the receiver.
+/// True when connections of this carrier, which may have qualifiers, are opened by the receiver.
 pub(crate) fn is_pull(carrier: &str) -> bool {
-    matches!(carrier, "mjpeg" | "h264")
+    matches!(carrier.split('+').next(), Some("mjpeg" | "h264"))
 }
 
 /// Rule by which a name cannot be that of a port; `None` where it can.
@@ -96,7 +85,8 @@ mod tests {
         assert_eq!(parts("udp://net=10.0/cam"), three("udp", "10.0", "/cam"));
         assert_eq!(parts("/net=lonely"), three("", "", "/net=lonely"));
         assert_eq!(parts(""), three("", "", ""));
-        assert_eq!(Target::parse("tcp+recv.priority://cam").carrier_name(), "tcp");
+        assert_eq!(Target::parse("tcp+recv.priority://cam").carrier, "tcp+recv.priority");
+        assert!(is_pull("mjpeg+recv.x") && !is_pull("tcp"));
     }
 
     #[test]

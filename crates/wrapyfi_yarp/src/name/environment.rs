@@ -49,7 +49,7 @@ pub struct PortNaming {
 impl Environment {
     /// The environment of this process.
     pub fn from_process() -> Self {
-        let others = ["XDG_CONFIG_HOME", "XDG_RUNTIME_DIR", "HOME", "USER", "APPDATA"];
+        let others = ["XDG_CONFIG_HOME", "XDG_RUNTIME_DIR", "HOME", "USER"];
         let ours = |name: &str| name.starts_with("YARP_") || others.contains(&name);
         let variables = std::env::vars_os()
             .filter_map(|(name, value)| Some((name.into_string().ok()?, value)))
@@ -81,36 +81,27 @@ impl Environment {
     }
 
     /// The folder of YARP's configuration files: `$YARP_CONFIG_HOME`, else `yarp` in
-    /// `$XDG_CONFIG_HOME`, else `.config/yarp` in `$HOME` (`Library/Preferences/yarp` on macOS,
-    /// `%APPDATA%\yarp\config` on Windows). None without any of them.
+    /// `$XDG_CONFIG_HOME`, else `.config/yarp` in `$HOME`. None without any of them.
     pub fn config_home(&self) -> Option<PathBuf> {
-        let folder = |name: &str| {
-            self.variables.get(name).filter(|value| !value.is_empty()).map(PathBuf::from)
+        let config = || {
+            let parent = self.folder("XDG_CONFIG_HOME");
+            parent.or_else(|| Some(self.folder("HOME")?.join(".config")))
         };
-        if let Some(home) = folder("YARP_CONFIG_HOME") {
-            return Some(home);
-        }
-        if cfg!(windows) {
-            return folder("APPDATA").map(|data| data.join("yarp").join("config"));
-        }
-        if cfg!(target_os = "macos") {
-            return folder("HOME").map(|home| home.join("Library/Preferences/yarp"));
-        }
-        folder("XDG_CONFIG_HOME")
-            .or_else(|| folder("HOME").map(|home| home.join(".config")))
-            .map(|config| config.join("yarp"))
+        self.folder("YARP_CONFIG_HOME").or_else(|| Some(config()?.join("yarp")))
+    }
+
+    fn folder(&self, name: &str) -> Option<PathBuf> {
+        self.variables.get(name).filter(|value| !value.is_empty()).map(PathBuf::from)
     }
 
     /// The folder where ports of this machine meet on unix sockets: `$YARP_RUNTIME_DIR`, else `yarp` in
     /// `$XDG_RUNTIME_DIR`, else `/tmp/runtime-$USER/yarp`. None without any of them.
     pub fn runtime_folder(&self) -> Option<PathBuf> {
-        let set = |name: &str| self.variables.get(name).filter(|value| !value.is_empty());
-        if let Some(folder) = set("YARP_RUNTIME_DIR") {
-            return Some(folder.into());
-        }
-        let parent = set("XDG_RUNTIME_DIR").map(PathBuf::from);
-        let parent = parent.or_else(|| Some(format!("/tmp/runtime-{}", self.text("USER")?).into()));
-        parent.map(|parent| parent.join("yarp"))
+        let parent = || {
+            let own = || Some(format!("/tmp/runtime-{}", self.text("USER")?).into());
+            self.folder("XDG_RUNTIME_DIR").or_else(own)
+        };
+        self.folder("YARP_RUNTIME_DIR").or_else(|| Some(parent()?.join("yarp")))
     }
 
     /// The first port of the range of a name server: `$YARP_PORT_RANGE`, else [`DEFAULT_PORT`].

@@ -99,7 +99,7 @@ impl NameEvents {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Limits;
+    use crate::WireLimits;
 
     #[test]
     fn events_are_the_bottles_of_the_capture() {
@@ -119,7 +119,7 @@ mod tests {
             let bytes: Vec<u8> = hex.chunks(2).map(|pair| byte(pair).unwrap()).collect();
             assert_eq!(event.to_bottle().encode(Dialect::V3).unwrap(), bytes);
             let (bottle, _) =
-                Bottle::decode(&bytes.into(), Dialect::V3, &Limits::default()).unwrap();
+                Bottle::decode(&bytes.into(), Dialect::V3, &WireLimits::default()).unwrap();
             assert_eq!(NameEvent::from_bottle(&bottle), Some(event));
         }
         assert_eq!(NameEvent::from_bottle(&Bottle::new()), None);

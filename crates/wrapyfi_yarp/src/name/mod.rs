@@ -26,7 +26,7 @@ mod reply;
 pub use client::NameClient;
 pub use conf::{ConfError, Located, NameServerConf};
 pub use contact::Target;
-pub(crate) use contact::name_fault;
+pub(crate) use contact::{is_pull, name_fault};
 pub use environment::Environment;
 pub use error::NameError;
 pub use events::NameEvent;

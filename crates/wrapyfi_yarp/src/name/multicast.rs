@@ -14,6 +14,7 @@ use std::time::Duration;
 use tokio::net::UdpSocket;
 
 use super::reply;
+use crate::port::datagrams::multicast_socket;
 use crate::port::names::Registration;
 use crate::wire::datagram;
 
@@ -51,7 +52,7 @@ impl Default for NameServerSearch {
     }
 }
 
-/// Asks the group where the name server is; none where nobody answers. Datagrams that are no answer
+/// Asks the group where the name server is; none where no program answers. Datagrams that are no answer
 /// are left out.
 ///
 /// # Errors
@@ -83,20 +84,8 @@ pub async fn discover(options: &NameServerSearch) -> std::io::Result<Option<Regi
 
 /// A socket that hears the group, together with all others that do.
 pub(crate) fn join(interface: Ipv4Addr, port: u16) -> std::io::Result<UdpSocket> {
-    use socket2::{Domain, Protocol, Socket, Type};
-    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-    socket.set_reuse_address(true)?;
-    #[cfg(unix)]
-    socket.set_reuse_port(true)?;
-    // On Windows a group is no address to bind.
-    let address = if cfg!(windows) { Ipv4Addr::UNSPECIFIED } else { DISCOVERY_GROUP };
-    socket.bind(&SocketAddrV4::new(address, port).into())?;
+    let socket = multicast_socket(SocketAddrV4::new(DISCOVERY_GROUP, port), interface)?;
     socket.join_multicast_v4(&DISCOVERY_GROUP, &interface)?;
-    if !interface.is_unspecified() {
-        socket.set_multicast_if_v4(&interface)?;
-    }
-    socket.set_multicast_loop_v4(true)?;
-    socket.set_nonblocking(true)?;
     UdpSocket::from_std(socket.into())
 }
 

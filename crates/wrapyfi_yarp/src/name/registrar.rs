@@ -5,16 +5,16 @@
 //!                 │
 //!   Registrar ────┴── one connection to the name server, open all the time
 //!                       │ it ends              ──▶ wait for the name server, register all again
-//!                       ├ doubt("/cam"): it was registered or removed ─┐
+//!                       ├ verify("/cam"): it was registered or removed ─┐
 //!                       └ every 5 s, the next name ────────────────────┴▶ "query": gone, or at an address
-//!                                                          where nobody is? register it again
+//!                                                          where no program is? register it again
 //! ```
 //!
 //! The connection stays open because a name server that ends closes it, so its restart is noticed
 //! at once without a question. The question every few seconds goes over the same connection, one
 //! name after the other, whatever their number: it finds a server that is there but has forgotten
 //! us (`yarp clean` during a pause of ours), and a machine that vanished without closing anything.
-//! A name that another program registered meanwhile belongs to that program, as long as somebody is at
+//! A name that another program registered meanwhile belongs to that program, as long as a program is at
 //! its address: it is logged once, and left alone. A registration of a program that was killed is replaced.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -59,7 +59,7 @@ pub struct RegistrarStatus {
     pub lost: u64,
     /// Registrations made again.
     pub renewed: u64,
-    /// Names that somebody else has now.
+    /// Names that another program has now.
     pub taken: Vec<String>,
 }
 
@@ -69,20 +69,20 @@ pub struct Registrar(Arc<RegistrarTask>);
 
 #[derive(Debug)]
 struct RegistrarTask {
-    shared: Arc<Shared>,
+    shared: Arc<RegistrarState>,
     /// Ends with the registrar.
     _task: JoinSet<()>,
 }
 
 #[derive(Debug)]
-struct Shared {
+struct RegistrarState {
     client: NameClient,
     options: RegistrarOptions,
     names: Mutex<BTreeMap<String, Wanted>>,
     status: watch::Sender<RegistrarStatus>,
     /// Names whose registration has changed, and has to be looked at.
     doubted: Mutex<BTreeSet<String>>,
-    /// The first name came, or a doubt: there is something to look at.
+    /// The first name came, or a name to verify: there is something to look at.
     wake: Notify,
 }
 
@@ -110,7 +110,7 @@ impl Registrar {
     /// runtime.
     #[must_use]
     pub fn start(client: NameClient, options: RegistrarOptions) -> Self {
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(RegistrarState {
             client,
             options,
             names: Mutex::default(),
@@ -135,7 +135,7 @@ impl Registrar {
 
     /// Has the registration of a name looked at, where it is one of these ports: the name server has told that
     /// it changed.
-    pub fn doubt(&self, name: &str) {
+    pub fn verify(&self, name: &str) {
         let shared = &self.0.shared;
         if shared.names.lock().contains_key(name) {
             shared.doubted.lock().insert(name.to_owned());
@@ -149,7 +149,7 @@ impl Registrar {
     }
 }
 
-/// Unregisters a port, unless somebody else has its name by now.
+/// Unregisters a port, unless another program has its name by now.
 async fn release(client: &NameClient, wanted: &Wanted) -> Result<(), NameError> {
     let at = &wanted.at;
     let found = if wanted.taken { None } else { client.query(&at.name).await? };
@@ -212,7 +212,7 @@ impl Names for Registrar {
     }
 }
 
-impl Shared {
+impl RegistrarState {
     fn insert(&self, at: Registration) {
         let name = at.name.clone();
         let properties = BTreeMap::new();
@@ -257,7 +257,7 @@ impl Shared {
         self.judge(name, found).await
     }
 
-    /// Registers a port again whose name the name server does not know, or tells for an address where nobody is.
+    /// Registers a port again whose name the name server does not know, or tells for an address where no program is.
     async fn judge(&self, name: &str, found: Option<Registration>) -> Result<(), NameError> {
         if let Some(found) = found {
             if self.is_ours(&found) || !self.is_deserted(&found).await {
@@ -346,7 +346,7 @@ impl Shared {
 }
 
 /// Watches the name server as long as there are names.
-async fn watch_over(shared: Arc<Shared>) {
+async fn watch_over(shared: Arc<RegistrarState>) {
     let RegistrarOptions { check_every, retry_from } = shared.options;
     let mut backoff = Backoff::of_name("YARP's name server")
         .starting_at(retry_from)
@@ -367,7 +367,7 @@ async fn watch_over(shared: Arc<Shared>) {
 /// # Errors
 /// When the name server does not answer, or the connection ends.
 async fn renew_and_watch(
-    shared: &Shared,
+    shared: &RegistrarState,
     backoff: &mut Backoff,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let names: Vec<String> = shared.names.lock().keys().cloned().collect();
@@ -385,7 +385,7 @@ async fn renew_and_watch(
 }
 
 /// Watches one connection until it ends, which is an error, or until there are no names.
-async fn stay(shared: &Shared, mut link: Link) -> Result<(), LinkError> {
+async fn stay(shared: &RegistrarState, mut link: Link) -> Result<(), LinkError> {
     let mut last = String::new();
     loop {
         let doubted = shared.doubted.lock().pop_first();

@@ -7,9 +7,9 @@
 
 use bytes::BytesMut;
 
-use crate::Limits;
+use crate::WireLimits;
 use crate::port::names::Registration;
-use crate::wire::Step;
+use crate::wire::Progress;
 use crate::wire::text::{AnswerReader, Lined};
 
 /// True for the line that ends an answer.
@@ -18,10 +18,10 @@ pub(crate) fn is_end(line: &[u8]) -> bool {
 }
 
 /// The ports in an answer that is there as a whole; none where it does not end or is too long.
-pub(crate) fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
+pub(crate) fn read_answer(bytes: &[u8], limits: &WireLimits) -> Option<Vec<Registration>> {
     let mut buffer = BytesMut::from(bytes);
     match AnswerReader::new(limits, is_end).poll(&mut buffer) {
-        Ok(Step::Event(Lined { lines, .. })) => {
+        Ok(Progress::Event(Lined { lines, .. })) => {
             Some(lines.iter().filter_map(|line| registration(line)).collect())
         }
         _ => None,
@@ -84,15 +84,15 @@ mod tests {
 
     #[test]
     fn an_answer_ends_with_its_last_line_and_is_bounded() {
-        let mut reader = AnswerReader::new(&Limits::default(), is_end);
+        let mut reader = AnswerReader::new(&WireLimits::default(), is_end);
         let mut buffer = BytesMut::from("one\r\n*\r\n\r\n*** end");
-        assert_eq!(reader.poll(&mut buffer), Ok(Step::Need(1)));
+        assert_eq!(reader.poll(&mut buffer), Ok(Progress::Need(1)));
         buffer.extend_from_slice(b" of message\r\nmore");
-        let Ok(Step::Event(Lined { lines, end })) = reader.poll(&mut buffer) else { panic!() };
+        let Ok(Progress::Event(Lined { lines, end })) = reader.poll(&mut buffer) else { panic!() };
         assert_eq!(lines, ["one", "*", ""]);
         assert_eq!((&end[..], &buffer[..]), (&b"*** end of message"[..], &b"more"[..]));
 
-        let limits = Limits { max_message_bytes: 1000, ..Limits::default() };
+        let limits = WireLimits { max_message_bytes: 1000, ..WireLimits::default() };
         let mut flood = BytesMut::from("\n".repeat(1000).as_str());
         assert!(AnswerReader::new(&limits, is_end).poll(&mut flood).is_err());
     }

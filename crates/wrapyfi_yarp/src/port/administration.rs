@@ -18,59 +18,36 @@ fn sched() -> Value {
     admin::dict("sched", [("tid", (-1).into()), ("priority", (-1).into()), ("policy", (-1).into())])
 }
 
-/// A port that others administer: that of a program, and the name server's.
-pub(crate) trait Administered: Sync {
-    fn name(&self) -> &str;
-
-    /// Host and number under which the port describes itself.
-    fn contact(&self) -> String;
-
-    fn connections(&self, direction: Direction) -> Vec<ConnectionStatus>;
-
-    /// Connects to `destination`; the sentence that says how it went.
-    fn add(&self, destination: &str) -> impl Future<Output = Result<String, String>> + Send;
-
-    /// Ends the output to a port; whether there was one.
-    fn remove_output(&self, name: &str) -> impl Future<Output = bool> + Send;
-
-    /// Ends the inputs from a port; whether there was one.
-    fn remove_input(&self, name: &str) -> bool;
-
-    fn set_property(&self, key: &str, values: Bottle) -> Bottle;
-
-    fn property(&self, key: Option<&str>) -> Bottle;
-}
-
 /// Verbs of the requests.
 const VERBS: [&str; 10] =
     ["ver", "help", "add", "del", "list", "set", "get", "prop", "atch", "dtch"];
 
 /// Carries a request out.
-pub(crate) async fn administer(port: &impl Administered, request: &Bottle) -> Bottle {
+pub(super) async fn administer(port: &Arc<Core>, request: &Bottle) -> Bottle {
     let is = |at: usize, word: &str| request.get(at).is_some_and(|value| value.is_word(word));
     let text = |at: usize| request.get(at).map(admin::name).unwrap_or_default();
     let given = |at: usize| Some(text(at)).filter(|text| !text.is_empty());
     let directed = is(1, "in") || is(1, "out");
     let direction = if is(1, "in") { Direction::In } else { Direction::Out };
-    let found = |name: &str| port.connections(direction).into_iter().find(|one| one.name == name);
+    let found = |name: &str| connections(port, direction).into_iter().find(|one| one.name == name);
     let verb = VERBS.into_iter().find(|verb| is(0, verb)).unwrap_or_default();
     match verb {
         "ver" => admin::version(),
         "help" => admin::help(),
         "add" => {
             let carrier = given(2).map(|carrier| carrier + ":/").unwrap_or_default();
-            match port.add(&(carrier + &text(1))).await {
+            match port.add_output(&(carrier + &text(1))).await {
                 Ok(sentence) => admin::done(sentence),
-                Err(sentence) => admin::failed(sentence),
+                Err(error) => admin::failed(error.0),
             }
         }
         "del" => remove(port, &text(1)).await,
         "list" => match given(2) {
-            None => port.connections(direction).into_iter().map(|one| one.name.into()).collect(),
+            None => connections(port, direction).into_iter().map(|one| one.name.into()).collect(),
             Some(name) => found(&name).map_or_else(Bottle::new, |one| {
                 let (from, to) = match direction {
-                    Direction::In => (one.name.as_str(), port.name()),
-                    Direction::Out => (port.name(), one.name.as_str()),
+                    Direction::In => (&one.name, &port.name),
+                    Direction::Out => (&port.name, &one.name),
                 };
                 admin::details(from, to, &one.carrier, one.connectionless, one.push)
             }),
@@ -80,11 +57,11 @@ pub(crate) async fn administer(port: &impl Administered, request: &Bottle) -> Bo
             admin::configuration(direction, &name, found(&name).is_some(), verb == "set")
         }
         "prop" if is(1, "set") => {
-            port.set_property(&text(2), request.values.iter().skip(3).cloned().collect())
+            set_property(port, &text(2), request.values.iter().skip(3).cloned().collect())
         }
-        "prop" if is(1, "get") => port.property(given(2).as_deref()),
+        "prop" if is(1, "get") => property(port, given(2).as_deref()),
         "atch" => {
-            let name = port.name();
+            let name = &port.name;
             tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
             admin::attached(directed)
         }
@@ -93,35 +70,41 @@ pub(crate) async fn administer(port: &impl Administered, request: &Bottle) -> Bo
     }
 }
 
+fn connections(port: &Core, direction: Direction) -> Vec<ConnectionStatus> {
+    let mut connections = port.status();
+    connections.retain(|one| one.incoming == (direction == Direction::In));
+    connections
+}
+
 /// `[del]`: outputs to a port, and inputs from it.
-async fn remove(port: &impl Administered, name: &str) -> Bottle {
+async fn remove(port: &Arc<Core>, name: &str) -> Bottle {
     let bare = admin::split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
     if port.remove_output(&bare).await {
-        return admin::done(admin::removed(port.name(), name));
+        return admin::done(admin::removed(&port.name, name));
     }
-    if port.remove_input(&bare) {
-        return admin::done(admin::removing(name, port.name()));
+    if remove_input(port, &bare) {
+        return admin::done(admin::removing(name, &port.name));
     }
-    let (output, input) = (admin::no_output(name), admin::no_input(name));
-    admin::failed(format!("{output}\r\n{input}"))
+    let output = admin::no_output(name);
+    admin::failed(format!("{output}\r\nCould not find an incoming connection from {name}"))
 }
 
 /// Carries a command out; the lines that answer it.
-pub(crate) async fn command(port: &impl Administered, command: &Command) -> String {
+pub(super) async fn command(port: &Arc<Core>, command: &Command) -> String {
     let sentence = match command {
         Command::Describe => return describe(port),
         Command::Connect(name) => {
             // "/tcp://dst" names a carrier, "/dst" does not.
             let inner = name.get(1..).filter(|inner| inner.contains("://"));
-            port.add(inner.unwrap_or(name)).await.unwrap_or_else(|sentence| sentence)
+            port.add_output(inner.unwrap_or(name)).await.unwrap_or_else(|error| error.0)
         }
         Command::RemoveOutput(name) => match port.remove_output(name).await {
-            true => admin::removed(port.name(), name),
+            true => admin::removed(&port.name, name),
             false => admin::no_output(name),
         },
-        Command::RemoveInput(name) => match port.remove_input(name) {
-            true => admin::removing(name, port.name()),
-            false => admin::no_input(name),
+        Command::RemoveInput(name) => match remove_input(port, name) {
+            true => admin::removing(name, &port.name),
+            false => format!("Could not find an incoming connection from {name}"),
         },
         // Not for this port; everything else never gets here.
         _ => admin::NO_OUTPUTS.to_owned(),
@@ -130,17 +113,17 @@ pub(crate) async fn command(port: &impl Administered, command: &Command) -> Stri
 }
 
 /// The port and its connections, in lines.
-pub(crate) fn describe(port: &impl Administered) -> String {
-    let name = port.name();
-    let mut lines = format!("This is {name} at tcp://{}/\r\n", port.contact());
-    let outputs = port.connections(Direction::Out);
+pub(crate) fn describe(port: &Core) -> String {
+    let name = &port.name;
+    let mut lines = format!("This is {name} at tcp://{}/\r\n", port.contact);
+    let outputs = connections(port, Direction::Out);
     for ConnectionStatus { name: to, carrier, .. } in &outputs {
         lines += &format!("There is an output connection from {name} to {to} using {carrier}\r\n");
     }
     if outputs.is_empty() {
         lines += "There are no outgoing connections\r\n";
     }
-    let inputs = port.connections(Direction::In);
+    let inputs = connections(port, Direction::In);
     for ConnectionStatus { name: from, carrier, .. } in &inputs {
         lines += &format!("There is an input connection from {from} to {name} using {carrier}\r\n");
     }
@@ -150,79 +133,54 @@ pub(crate) fn describe(port: &impl Administered) -> String {
     lines
 }
 
-impl Administered for Arc<Core> {
-    fn name(&self) -> &str {
-        &self.name
-    }
+/// Ends the inputs from a port; whether there was one.
+fn remove_input(core: &Core, name: &str) -> bool {
+    let connections = core.connections.lock();
+    let found = connections.inputs.iter().filter(|input| input.status.name == name);
+    found.inspect(|input| input.stop.notify_one()).count() > 0
+}
 
-    fn contact(&self) -> String {
-        self.contact.clone()
+fn set_property(core: &Core, key: &str, values: Bottle) -> Bottle {
+    if key.starts_with('/') && key != core.name && !set_service(core, key, &values) {
+        return admin::fail(None);
     }
-
-    fn connections(&self, direction: Direction) -> Vec<ConnectionStatus> {
-        let mut connections = self.status();
-        connections.retain(|one| one.incoming == (direction == Direction::In));
-        connections
+    let mut connections = core.connections.lock();
+    let properties = &mut connections.properties;
+    let size = key.len().saturating_add(values.to_text_bytes().len());
+    let full = properties.len() >= MAX_PROPERTIES && !properties.contains_key(key);
+    if full || size > MAX_PROPERTY_BYTES {
+        core.fault_counts.add("property_refused");
+        return admin::fail(Some(&format!(
+            "at most {MAX_PROPERTIES} properties of {MAX_PROPERTY_BYTES} bytes are kept"
+        )));
     }
+    properties.insert(key.to_owned(), values);
+    admin::ok()
+}
 
-    async fn add(&self, destination: &str) -> Result<String, String> {
-        self.add_output(destination).await.map_err(|error| error.0)
-    }
-
-    async fn remove_output(&self, name: &str) -> bool {
-        Core::remove_output(self, name).await
-    }
-
-    fn remove_input(&self, name: &str) -> bool {
-        let connections = self.connections.lock();
-        let found = connections.inputs.iter().filter(|input| input.status.name == name);
-        found.inspect(|input| input.stop.notify_one()).count() > 0
-    }
-
-    fn set_property(&self, key: &str, values: Bottle) -> Bottle {
-        if key.starts_with('/') && key != self.name && !set_service(self, key, &values) {
-            return admin::fail(None);
-        }
-        let mut connections = self.connections.lock();
-        let properties = &mut connections.properties;
-        let size = key.len().saturating_add(values.to_text_bytes().len());
-        let full = properties.len() >= MAX_PROPERTIES && !properties.contains_key(key);
-        if full || size > MAX_PROPERTY_BYTES {
-            self.counters.add("property_refused");
-            return admin::fail(Some(&format!(
-                "at most {MAX_PROPERTIES} properties of {MAX_PROPERTY_BYTES} bytes are kept"
-            )));
-        }
-        properties.insert(key.to_owned(), values);
-        admin::ok()
-    }
-
-    fn property(&self, key: Option<&str>) -> Bottle {
-        let connections = self.connections.lock();
-        match key {
-            Some(key) if key == self.name => about(self),
-            Some(key) if key.starts_with('/') => {
-                let output = connections.outputs.iter().find(|output| output.name == key);
-                if output.is_none()
-                    && !connections.inputs.iter().any(|input| input.status.name == key)
-                {
-                    return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
-                }
-                let socket = output.and_then(|output| output.socket.as_ref());
-                let service = socket.and_then(|socket| {
-                    socket2::SockRef::from(&**socket).tos_v4().ok().map(i64::from)
-                });
-                let service = service.unwrap_or(-1);
-                [sched(), admin::dict("qos", [("tos", service.into())])].into_iter().collect()
+fn property(core: &Core, key: Option<&str>) -> Bottle {
+    let connections = core.connections.lock();
+    match key {
+        Some(key) if key == core.name => about(core),
+        Some(key) if key.starts_with('/') => {
+            let output = connections.outputs.iter().find(|output| output.peer.name == key);
+            if output.is_none() && !connections.inputs.iter().any(|input| input.status.name == key)
+            {
+                return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
             }
-            Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
-            None => {
-                let pair = |(key, values): (&String, &Bottle)| {
-                    let key = std::iter::once(Value::from(key.as_str()));
-                    Value::from(key.chain(values.values.iter().cloned()).collect::<Bottle>())
-                };
-                connections.properties.iter().map(pair).collect()
-            }
+            let socket = output.and_then(|output| output.socket.as_ref());
+            let service = socket
+                .and_then(|socket| socket2::SockRef::from(&**socket).tos_v4().ok().map(i64::from));
+            let service = service.unwrap_or(-1);
+            [sched(), admin::dict("qos", [("tos", service.into())])].into_iter().collect()
+        }
+        Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
+        None => {
+            let pair = |(key, values): (&String, &Bottle)| {
+                let key = std::iter::once(Value::from(key.as_str()));
+                Value::from(key.chain(values.values.iter().cloned()).collect::<Bottle>())
+            };
+            connections.properties.iter().map(pair).collect()
         }
     }
 }
@@ -234,7 +192,7 @@ fn set_service(core: &Core, peer: &str, values: &Bottle) -> bool {
         return false;
     }
     let connections = core.connections.lock();
-    let output = connections.outputs.iter().find(|output| output.name == peer);
+    let output = connections.outputs.iter().find(|output| output.peer.name == peer);
     if let (Some(output), Some(service)) = (output, service)
         && let Some(socket) = &output.socket
     {
@@ -253,7 +211,7 @@ fn about(core: &Core) -> Bottle {
     let process = [
         ("pid", i64::from(std::process::id()).into()),
         ("name", Value::string(program.as_ref())),
-        // Whatever stands behind a command is nobody's business.
+        // Words behind a command are not read.
         ("arguments", Value::string("")),
         ("priority", 0.into()),
         ("policy", 0.into()),
@@ -262,7 +220,7 @@ fn about(core: &Core) -> Bottle {
     let port = [
         ("is_input", flag(core.handler.is_some())),
         ("is_output", flag(core.role != Role::Input)),
-        ("is_rpc", flag(core.rpc)),
+        ("is_rpc", flag(core.options.rpc || core.role == Role::Client)),
         ("type", "".into()),
     ];
     let process = admin::dict("process", process);

@@ -11,21 +11,19 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::sync::Arc;
 
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
-use tokio::io::AsyncWriteExt as _;
 use tokio::net::UdpSocket;
 
 use super::core::Core;
 use super::entered::Entered;
 use super::link::LinkError;
-use super::message::PortPayload;
 use super::names::NameRequest;
 use super::output::{Group, Kind};
 use super::pace::Pace;
 use super::room::{Begun, progress};
-use super::session::Session;
+use super::session::{Data, Session};
 use super::target::{self, Way};
 use crate::wire::datagram::Assembler;
-use crate::wire::{Command, number};
+use crate::wire::{Command, Incoming, number};
 
 /// Bytes that the system is asked to keep of a socket's datagrams: an image or two.
 const SOCKET_BUFFER: usize = 4 << 20;
@@ -64,7 +62,7 @@ pub(super) async fn group(core: &Arc<Core>, contact: &str) -> Result<Arc<Group>,
             if let Some(ip) = ip.filter(|_| found.port > 0) {
                 address = SocketAddrV4::new(ip, found.port);
             }
-            // Whoever removes this port's name removes the group with it.
+            // The program that removes this port's name removes the group with it.
             names.set(&core.name, "owns", std::slice::from_ref(&found.name)).await.ok();
             name = Some(found.name);
         }
@@ -81,14 +79,14 @@ pub(super) async fn group(core: &Arc<Core>, contact: &str) -> Result<Arc<Group>,
         if let Err(error) = target::run(way, &outbox).await {
             let name = &core.name;
             tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");
-            core.counters.add("output_ended");
+            core.fault_counts.add("output_ended");
         }
         outbox.end();
     });
     Ok(group)
 }
 
-/// Ends the group when nobody is left to send to.
+/// Ends the group when no reader is left to send to.
 pub(super) async fn leave_group(core: &Core, group: Arc<Group>) {
     let used = core
         .connections
@@ -119,36 +117,42 @@ async fn interface_to(contact: &str) -> Result<Ipv4Addr, LinkError> {
 }
 
 fn group_sender(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSocket> {
-    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-    socket.set_nonblocking(true)?;
-    socket.bind(&SocketAddr::from((interface, 0)).into())?;
-    socket.set_multicast_if_v4(&interface)?;
-    socket.set_multicast_loop_v4(true)?;
+    let socket = multicast_socket(SocketAddrV4::new(interface, 0), interface)?;
     socket.connect(&SocketAddr::V4(group).into())?;
-    let socket = UdpSocket::from_std(socket.into())?;
-    widen(&socket);
-    Ok(socket)
+    opened(socket)
 }
 
 fn group_receiver(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSocket> {
+    let socket = multicast_socket(group, Ipv4Addr::UNSPECIFIED)?;
+    socket.join_multicast_v4(group.ip(), &interface)?;
+    opened(socket)
+}
+
+/// A socket at `address`, which those of other programs on this machine may have, too. What it sends leaves through
+/// `interface`, and is heard on this machine.
+pub(crate) fn multicast_socket(address: SocketAddrV4, interface: Ipv4Addr) -> io::Result<Socket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     socket.set_nonblocking(true)?;
-    // Every receiver of this machine has the same address.
     socket.set_reuse_address(true)?;
-    socket.bind(&SocketAddr::V4(group).into())?;
-    socket.join_multicast_v4(group.ip(), &interface)?;
+    socket.bind(&address.into())?;
+    if !interface.is_unspecified() {
+        socket.set_multicast_if_v4(&interface)?;
+    }
+    socket.set_multicast_loop_v4(true)?;
+    Ok(socket)
+}
+
+fn opened(socket: Socket) -> io::Result<UdpSocket> {
     let socket = UdpSocket::from_std(socket.into())?;
     widen(&socket);
     Ok(socket)
 }
 
 /// Goes on where a session of udp or mcast has read its header.
-pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<SocketAddrV4>) {
-    let (name, carrier) = (session.sender().name, session.carrier_text());
-    let Some(mut stream) = session.into_tcp() else { return };
+pub(super) async fn receive(core: Arc<Core>, session: Session) {
     let opened = async {
-        let local = stream.local_addr()?.ip();
-        match group {
+        let local = session.stream.tcp().ok_or(io::ErrorKind::Unsupported)?.local_addr()?.ip();
+        match session.group {
             Some(group) if group.ip().is_multicast() => match local {
                 IpAddr::V4(interface) => group_receiver(interface, group),
                 IpAddr::V6(_) => Err(io::ErrorKind::Unsupported.into()),
@@ -158,27 +162,26 @@ pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<Soc
                 let socket = UdpSocket::bind((local, 0)).await?;
                 widen(&socket);
                 let port = i32::from(socket.local_addr()?.port());
-                stream.write_all(&number::encode(port)).await?;
+                session.stream.write_all(&[&number::encode(port)]).await?;
                 Ok(socket)
             }
         }
     };
+    let (port, name) = (&core.name, &session.name);
     let socket = match opened.await {
         Ok(socket) => socket,
         Err(error) => {
-            let port = &core.name;
             tracing::warn!(target: "wrapyfi_yarp::port", port, name, %error, "no datagrams");
-            core.counters.add("no_datagrams");
+            core.fault_counts.add("no_datagrams");
             return;
         }
     };
-    drop(stream);
-    let entered = Entered::new(&core, name, carrier, true, true);
+    let entered = Entered::new(&core, &session);
+    drop(session);
     tokio::select! {
         biased;
         () = entered.stop.notified() => {}
         error = read(&core, &entered, &socket) => {
-            let port = &core.name;
             tracing::warn!(target: "wrapyfi_yarp::port", port, %error, "datagrams ended");
         }
     }
@@ -187,41 +190,33 @@ pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<Soc
 async fn read(core: &Core, entered: &Entered, socket: &UdpSocket) -> io::Error {
     let mut datagram = vec![0; DATAGRAM];
     let mut assembler = Assembler::new(core.network.limits());
-    let mut room = Begun::new(core.session.rooms);
-    let mut envelope = None;
+    let mut room = Begun::new(core.network.0.rooms);
+    let mut last = None;
     loop {
         if let Err(fault) = room.hold(assembler.begun()) {
-            core.counters.count(&fault);
+            core.fault_counts.count(&fault);
             assembler.restart();
             continue;
         }
         let received = socket.recv(&mut datagram);
-        let limit = core.session.progress_timeout;
+        let limit = core.network.0.timeouts.progress;
         let size = match progress(assembler.has_begun(), limit, received).await {
             Ok(Ok(size)) => size,
             Ok(Err(error)) => return error,
             Err(fault) => {
-                core.counters.count(&fault);
+                core.fault_counts.count(&fault);
                 assembler.restart();
                 continue;
             }
         };
         match assembler.push(datagram.get(..size).unwrap_or_default()) {
-            Ok(None) => {}
-            Ok(Some(message)) => {
-                if let Command::Data { envelope: fresh, .. } = message.command {
-                    envelope = fresh.or(envelope);
-                    match PortPayload::received(
-                        message.body,
-                        core.network.dialect(),
-                        core.network.limits(),
-                    ) {
-                        Ok(payload) => entered.put(payload, envelope.clone()).await,
-                        Err(fault) => core.counters.count(&fault),
-                    }
-                }
+            Ok(Some(Incoming { command: Command::Data { envelope, .. }, body })) => {
+                last = envelope.or(last);
+                let data = Data { body, envelope: last.clone(), reply: false };
+                entered.deliver(data).await;
             }
-            Err(fault) => core.counters.count(&fault),
+            Ok(_) => {}
+            Err(fault) => core.fault_counts.count(&fault),
         }
     }
 }

@@ -7,8 +7,8 @@ use tokio::sync::Notify;
 use super::core::{Core, Input};
 use super::message::{PortPayload, Received};
 use super::output::ConnectionStatus;
-use super::session::{Answer, Data};
-use crate::wire::Body;
+use super::session::{Answer, Data, Session};
+use crate::wire::{Body, Carrier};
 
 /// An entry in the list of inputs, while this lives.
 pub(super) struct Entered {
@@ -20,69 +20,46 @@ pub(super) struct Entered {
 
 impl Entered {
     /// Enters an input. A rooted name drives out the older connection of that name.
-    pub(super) fn new(
-        core: &Arc<Core>,
-        name: String,
-        carrier: String,
-        connectionless: bool,
-        push: bool,
-    ) -> Self {
+    pub(super) fn new(core: &Arc<Core>, session: &Session) -> Self {
         let stop = Arc::new(Notify::new());
-        let shared: Arc<str> = name.as_str().into();
+        let name = &session.name;
         let mut connections = core.connections.lock();
         if name.starts_with('/') {
-            for older in connections.inputs.iter().filter(|input| input.status.name == name) {
+            for older in connections.inputs.iter().filter(|input| input.status.name == *name) {
                 older.stop.notify_one();
-                core.counters.add("replaced");
+                core.fault_counts.add("replaced");
             }
-            connections.inputs.retain(|input| input.status.name != name);
+            connections.inputs.retain(|input| input.status.name != *name);
         }
         let id = Core::new_id(&mut connections);
-        let status = ConnectionStatus { name, carrier, incoming: true, connectionless, push };
+        let status = ConnectionStatus {
+            name: name.clone(),
+            carrier: session.carrier_text.clone(),
+            incoming: true,
+            connectionless: session.carrier.is_some_and(Carrier::is_connectionless),
+            push: session.carrier.is_none_or(Carrier::is_push),
+        };
         connections.inputs.push(Input { id, status, stop: Arc::clone(&stop) });
         core.ring(&connections);
         drop(connections);
-        Self { core: Arc::clone(core), id, name: shared, stop }
+        Self { core: Arc::clone(core), id, name: name.as_str().into(), stop }
     }
 
-    /// Hands data to whoever reads them; the answer for the sender.
-    pub(super) async fn deliver(&self, data: Data) -> Answer {
+    /// Hands data to the owner of the port; the answer for the sender.
+    pub(super) async fn deliver(&self, Data { body, envelope, reply }: Data) -> Answer {
         let core = &self.core;
-        let Data { body, envelope, reply } = data;
         let is_text = matches!(body, Body::Text(_));
-        let payload =
-            match PortPayload::received(body, core.network.dialect(), core.network.limits()) {
-                Ok(payload) => payload,
-                Err(fault) => {
-                    core.counters.count(&fault);
-                    return Answer::Nothing;
-                }
-            };
-        self.hand(payload, envelope, is_text, reply).await
-    }
-
-    /// Hands over what came without a session.
-    pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
-        self.hand(payload, envelope, false, false).await;
-    }
-
-    async fn hand(
-        &self,
-        payload: PortPayload,
-        envelope: Option<bytes::Bytes>,
-        is_text: bool,
-        reply: bool,
-    ) -> Answer {
-        let Some(handler) = &self.core.handler else { return Answer::Nothing };
-        let received = Received {
-            payload,
-            envelope,
-            from: Arc::clone(&self.name),
-            connection: self.id,
-            is_text,
-            dialect: self.core.network.dialect(),
-            limits: Arc::clone(&self.core.limits),
+        let (dialect, limits) = (core.network.dialect(), Arc::clone(&core.limits));
+        let payload = match PortPayload::received(body, dialect, &limits) {
+            Ok(payload) => payload,
+            Err(fault) => {
+                core.fault_counts.count(&fault);
+                return Answer::Nothing;
+            }
         };
+        let Some(handler) = &core.handler else { return Answer::Nothing };
+        let (from, connection) = (Arc::clone(&self.name), self.id);
+        let received = Received { payload, envelope, from, connection, is_text, dialect, limits };
         handler(received, reply).await
     }
 }

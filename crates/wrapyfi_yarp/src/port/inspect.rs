@@ -75,13 +75,13 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Limits;
+    use crate::WireLimits;
 
     #[test]
     fn what_yarps_ports_say_is_read() {
         // YARP 3.12.3, a camera of frameGrabber_nws_yarp.
         let said = r#"(sched ((policy 0) (priority 0) (tid 31241))) (process ((arguments "--write") (name yarpdev) (pid 31239) (policy 0) (priority 0))) (platform ((hostname "127.0.0.1") (os Linux))) (port ((is_input 0) (is_output 1) (is_rpc 0) (type "yarp/image")))"#;
-        let said = Bottle::from_text(said.as_bytes(), &Limits::default()).unwrap();
+        let said = Bottle::from_text(said.as_bytes(), &WireLimits::default()).unwrap();
         let modes = Modes { input: false, output: true, rpc: false };
         assert_eq!(read(&said), (Some(modes), Some("yarp/image".to_owned())));
         assert_eq!(read(&Bottle::from(vec![Value::vocab("fail"), "no".into()])), (None, None));

@@ -17,8 +17,8 @@ use super::unix::Meeting;
 use crate::bottle::{BottleError, BottleScan, Frame};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, AnswerReader, BottleLines, Lines};
-use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
-use crate::{Bottle, Dialect, Limits};
+use crate::wire::{Body, Carrier, Command, Fault, Progress, Sender, bare, header};
+use crate::{Bottle, Dialect, WireLimits};
 use wrapyfi_retry::liveness::{self, Silence};
 
 /// Name of those who administer.
@@ -61,7 +61,7 @@ pub enum LinkError {
 }
 
 impl LinkError {
-    /// True when nobody is at the address.
+    /// True when no program is at the address.
     pub fn is_refused(&self) -> bool {
         let Self::Connect { error, .. } = self else { return false };
         error.kind() == std::io::ErrorKind::ConnectionRefused
@@ -72,7 +72,7 @@ impl LinkError {
 #[derive(Debug, Clone)]
 pub(crate) struct LinkOptions {
     pub(crate) dialect: Dialect,
-    pub(crate) limits: Limits,
+    pub(crate) limits: WireLimits,
     /// Longest time of connecting and of the answer to the header.
     pub(crate) timeout: Duration,
     /// Folder of the unix sockets.
@@ -98,19 +98,21 @@ pub(crate) struct Link {
     pub(super) stream: Stream,
     buffer: BytesMut,
     pub(super) carrier: Carrier,
+    /// Number in the answer to the header: the receiver's port on udp.
+    pub(super) number: i32,
     options: LinkOptions,
     silence: Silence,
 }
 
 impl Link {
-    /// Connects and shakes hands; also gives the number of the answer, udp's port.
+    /// Connects and shakes hands.
     pub(crate) async fn open(
         address: &str,
         carrier: Carrier,
         sender: &Sender,
         behind_name: &[u8],
         options: &LinkOptions,
-    ) -> Result<(Self, i32), LinkError> {
+    ) -> Result<Self, LinkError> {
         let opening = async {
             let mut link = Self::connect(address, carrier, options).await?;
             let meeting = if carrier.is_unix() {
@@ -126,16 +128,15 @@ impl Link {
                 link.stream = Stream::Unix(meeting.connect().await?);
             }
             let read = |buffer: &mut _| header::read_answer(carrier, buffer, &options.limits);
-            let number = link.poll(read).await?;
-            Ok((link, number))
+            link.number = link.poll(read).await?;
+            Ok(link)
         };
         timeout(options.timeout, opening).await.unwrap_or(Err(LinkError::Timeout(options.timeout)))
     }
 
     /// Connects to the port at `contact` for administrative requests.
     pub(crate) async fn admin(contact: &str, options: &LinkOptions) -> Result<Self, LinkError> {
-        let opened = Self::open(contact, Carrier::TextAck, &Sender::new(ADMIN), &[], options).await;
-        opened.map(|(link, _)| link)
+        Self::open(contact, Carrier::TextAck, &Sender::new(ADMIN), &[], options).await
     }
 
     /// Connects without a word.
@@ -158,7 +159,8 @@ impl Link {
     }
 
     fn over(stream: Stream, carrier: Carrier, options: LinkOptions) -> Self {
-        Self { stream, buffer: BytesMut::new(), carrier, options, silence: Silence::default() }
+        let (buffer, silence) = (BytesMut::new(), Silence::default());
+        Self { stream, buffer, carrier, number: 0, options, silence }
     }
 
     /// The addresses of both ends, its own first.
@@ -192,14 +194,12 @@ impl Link {
 
     /// Waits for an acknowledgement, on carriers that have them. Not cancel-safe on text.
     pub(crate) async fn acknowledged(&mut self) -> Result<(), LinkError> {
-        if !self.carrier.acknowledges() {
-            return Ok(());
-        }
         match self.carrier {
             Carrier::Tcp => self.poll(read_ack).await,
             Carrier::UnixStreamAck => self.poll(bare::read_ack).await,
-            // Lines before it are a reply that nobody asked for.
-            _ => self.answer_lines().await.map(drop),
+            // Lines before it are a reply to no request.
+            Carrier::TextAck => self.answer_lines().await.map(drop),
+            _ => Ok(()),
         }
     }
 
@@ -270,11 +270,7 @@ impl Link {
         let (mut scan, mut other) =
             (begin(self.options.dialect), Some(begin(self.options.dialect.other())));
         // A bottle cannot begin with these letters: as a number they are no list.
-        let ack: &[u8] = match self.carrier {
-            Carrier::Tcp => &number::ACK,
-            Carrier::UnixStreamAck => &bare::ACK,
-            _ => &[],
-        };
+        let ack = self.carrier.ack();
         loop {
             if !ack.is_empty() && self.buffer.starts_with(ack) {
                 self.acknowledged().await?;
@@ -325,7 +321,7 @@ impl Link {
 
     /// True when the peer has closed in the meantime, as far as the system knows.
     pub(super) fn is_closed(&self) -> bool {
-        // Bytes that nobody asked for mean that the connection is out of step.
+        // Bytes that answer no request mean that the connection is out of step.
         !self.buffer.is_empty() || self.stream.has_more()
     }
 
@@ -348,12 +344,12 @@ impl Link {
     /// Reads until `read` has what it looks for. Cancel-safe where `read` keeps what it has found.
     pub(crate) async fn poll<T>(
         &mut self,
-        mut read: impl FnMut(&mut BytesMut) -> Result<Step<T>, Fault>,
+        mut read: impl FnMut(&mut BytesMut) -> Result<Progress<T>, Fault>,
     ) -> Result<T, LinkError> {
         loop {
             match read(&mut self.buffer)? {
-                Step::Event(found) => return Ok(found),
-                Step::Need(more) => self.fill(more).await?,
+                Progress::Event(found) => return Ok(found),
+                Progress::Need(more) => self.fill(more).await?,
             }
         }
     }

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use crate::bottle::{BottleError, EncodeError};
 use crate::sig::Stamp;
 use crate::wire::{Body, Fault};
-use crate::{Bottle, Dialect, Limits};
+use crate::{Bottle, Dialect, WireLimits};
 
 /// Format of the bytes of a [`PortPayload`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -52,15 +52,20 @@ impl PortPayload {
     ///
     /// # Errors
     /// When they are none, or exceed a limit.
-    pub fn to_bottle(&self, dialect: Dialect, limits: &Limits) -> Result<Bottle, BottleError> {
+    pub fn to_bottle(&self, dialect: Dialect, limits: &WireLimits) -> Result<Bottle, BottleError> {
         Bottle::decode(&self.bytes, dialect, limits).map(|(bottle, _)| bottle)
     }
 
     /// The payload that came as `body`: text becomes the bytes of the bottle that it is.
-    pub(super) fn received(body: Body, dialect: Dialect, limits: &Limits) -> Result<Self, Fault> {
+    pub(super) fn received(
+        body: Body,
+        dialect: Dialect,
+        limits: &WireLimits,
+    ) -> Result<Self, Fault> {
         let bad = |error: BottleError| Fault::BadPayload(error.to_string());
         match body {
             Body::Binary(bytes) => Ok(Self::object(bytes)),
+            Body::File(bytes) => Ok(Self::raw(bytes)),
             text @ Body::Text(_) => {
                 let bottle = text.bottle(dialect, limits).map_err(bad)?;
                 let bytes = bottle.encode(dialect);
@@ -135,7 +140,7 @@ pub struct Received {
     pub is_text: bool,
     /// Encoding of bottles.
     pub(super) dialect: Dialect,
-    pub(super) limits: Arc<Limits>,
+    pub(super) limits: Arc<WireLimits>,
 }
 
 impl Received {

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   Network ── names, dialect, limits
-//!      ├─ open_output ─▶ OutputPort ══ tcp, fast_tcp, text, text_ack, udp, mcast ══▶ RpcServer
-//!      ├─ open_rpc_client ─▶ RpcClient ◀══ requests and replies ══▶ RpcServer
+//!      ├─ open_output ─▶ Port ══ tcp, fast_tcp, text, text_ack, udp, mcast ══▶ Port ◀─ serve
+//!      ├─ open_rpc_client ─▶ Port ◀══ requests and replies ══▶ Port ◀─ serve
 //!      └─ connect, exists, admin: what `yarp connect` and its kin do
 //! ```
 //!
@@ -32,10 +32,9 @@
 //! ```
 //!
 //! Ports run on the tokio runtime that they are opened on: a task for each connection, none that
-//! wakes without a reason. Anybody may connect and disconnect them at any time, as YARP's tools do.
+//! wakes without a reason. Any program may connect and disconnect them at any time, as YARP's tools do.
 //!
-//! * [`session`]: connections that others open, also for a name server's own use.
-//! * [`names`]: the seam to name servers.
+//! [`names`] is the seam to name servers. A name server's own port ([`crate::server`]) is one of these, too.
 //!
 //! # Requests
 //!
@@ -48,7 +47,7 @@
 //!
 //! # Refusals
 //!
-//! Sizes are checked before anything is kept (`Limits`), and every refusal has a counter:
+//! Sizes are checked before anything is kept (`WireLimits`), and every refusal has a counter:
 //!
 //! | counter | what happened | then |
 //! | --- | --- | --- |
@@ -57,7 +56,7 @@
 //! | `no_pictures` | mjpeg at a port that has none | HTTP status 406, closed |
 //! | `name_length`, `negative_length`, `message_too_large`, `line_too_long` | a length that cannot be, or exceeds a limit | closed |
 //! | `handshake_timeout` | no complete header in time | closed |
-//! | `too_many_connections` | more than `Limits::max_connections` | closed |
+//! | `too_many_connections` | more than `WireLimits::max_connections` | closed |
 //! | `replaced` | a second connection of a name | the first is closed |
 //! | `bad_command` | a message without a port command | left out, not acknowledged |
 //! | `no_index` | bytes where a message must begin | left out, eight at a time; closed after 1 MiB |
@@ -69,30 +68,29 @@
 //! payload in YARP. Both find the next message; after a payload that does not decode, only ours
 //! does.
 
-pub(crate) mod accept;
+mod accept;
 pub(crate) mod administration;
 mod connection;
-mod core;
-mod counters;
-mod datagrams;
+pub(crate) mod core;
+pub(crate) mod datagrams;
 mod entered;
+mod fault_counts;
 mod inspect;
+pub(crate) mod life;
 pub(crate) mod link;
 mod message;
 pub mod names;
 mod network;
-mod open;
+pub(crate) mod open;
 mod outbox;
 mod output;
 mod outputs;
-mod owner;
 mod pace;
 mod pictures;
 mod ports;
 mod room;
-mod rpc_client;
 mod rpc_link;
-pub mod session;
+pub(crate) mod session;
 mod spare;
 mod stream;
 mod target;
@@ -100,7 +98,7 @@ pub(crate) mod tools;
 mod unix;
 
 pub use core::Connected;
-pub use counters::Counters;
+pub use fault_counts::FaultCounts;
 pub use inspect::{Inspection, Modes};
 pub use link::LinkError;
 pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};
@@ -109,8 +107,7 @@ pub use open::{Admission, OpenError, PortOptions};
 pub use outbox::Overflow;
 pub use output::ConnectionStatus;
 pub use outputs::{ConnectError, Written};
-pub use ports::{OutputPort, RpcServer};
+pub use ports::{Port, RpcError};
 pub use room::{Room, Rooms};
-pub use rpc_client::{RpcClient, RpcError};
 pub use session::Answer;
 pub use tools::AdminError;

@@ -37,7 +37,7 @@ pub struct NameRequest {
     pub port: Option<u16>,
 }
 
-/// A name server, as ports need it. Each call is one request, bounded in time by whoever implements
+/// A name server, as ports need it. Each call is one request, bounded in time by the type that implements
 /// it.
 pub trait Names: Send + Sync + 'static {
     /// Registers a name; one that exists is replaced.

@@ -8,7 +8,7 @@ use super::link::LinkOptions;
 use super::names::{Names, Registration};
 use super::room::{Boundless, Rooms};
 use crate::name::{Environment, NameClient, NameServerConf};
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// Time limits of connections and requests.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,7 +51,7 @@ pub struct NetworkOptions {
     /// speaks.
     pub dialect: Dialect,
     /// Limits of everything that is read; what exceeds them is refused.
-    pub limits: Limits,
+    pub limits: WireLimits,
     /// Times that ports wait.
     pub timeouts: Timeouts,
     /// Address to listen on; all of them unless it says so.
@@ -71,7 +71,7 @@ impl Default for NetworkOptions {
             names: Arc::new(NameClient::new(NameServerConf::default())),
             known: Arc::new(|_name| None),
             dialect: Dialect::default(),
-            limits: Limits::default(),
+            limits: WireLimits::default(),
             timeouts: Timeouts::default(),
             listen: Ipv4Addr::UNSPECIFIED.into(),
             host: None,
@@ -83,10 +83,7 @@ impl Default for NetworkOptions {
 
 impl std::fmt::Debug for NetworkOptions {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { dialect, limits, timeouts, listen, host, .. } = self;
-        let mut out = f.debug_struct("NetworkOptions");
-        out.field("dialect", dialect).field("limits", limits).field("timeouts", timeouts);
-        out.field("listen", listen).field("host", host).finish_non_exhaustive()
+        f.debug_struct("NetworkOptions").field("limits", &self.limits).finish_non_exhaustive()
     }
 }
 
@@ -133,7 +130,7 @@ impl Network {
     }
 
     /// Limits of everything that the network's ports read.
-    pub fn limits(&self) -> &Limits {
+    pub fn limits(&self) -> &WireLimits {
         &self.0.limits
     }
 

@@ -122,14 +122,15 @@ pub enum OpenError {
     },
 }
 
-/// A socket with the name that it has now.
+/// Name and address of a port that listens.
 #[derive(Debug)]
-pub(super) struct Opened {
-    pub(super) name: String,
-    pub(super) listener: TcpListener,
-    pub(super) address: SocketAddr,
+pub(crate) struct Opened {
+    pub(crate) name: String,
+    pub(crate) address: SocketAddr,
     /// Address as others know it: host and number.
-    pub(super) contact: String,
+    pub(crate) contact: String,
+    /// Number that peers are told.
+    pub(crate) number: u16,
 }
 
 /// Registers and listens.
@@ -137,7 +138,7 @@ pub(super) async fn open(
     network: &Network,
     name: &str,
     options: &PortOptions,
-) -> Result<Opened, OpenError> {
+) -> Result<(Opened, TcpListener), OpenError> {
     let limit = network.limits().max_name_bytes;
     let anonymous = name == "...";
     let well_formed = name.len() > 1
@@ -151,7 +152,7 @@ pub(super) async fn open(
     let shared = &*network.0;
     let naming = match options.register {
         true => shared.environment.port_naming(name)?,
-        // Nobody hears of it.
+        // No program hears of it.
         false => PortNaming { name: name.to_owned(), port: None },
     };
     let name = naming.name.as_str();
@@ -166,12 +167,9 @@ pub(super) async fn open(
     // when it is started anew, and a program that is told one where we listen does not start.
     let any = || SocketAddr::new(shared.listen, naming.port.unwrap_or(0));
     let wanted = options.address.unwrap_or_else(any);
-    let listener = listen(name, wanted).await?;
-    let address = listener.local_addr().map_err(|error| OpenError::Listen {
-        name: name.to_owned(),
-        address: wanted,
-        error,
-    })?;
+    let failed = |error| OpenError::Listen { name: name.to_owned(), address: wanted, error };
+    let listener = TcpListener::bind(wanted).await.map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
     let mut registered = None;
     if options.register {
         let own_host = (!address.ip().is_unspecified()).then(|| address.ip().to_string());
@@ -189,16 +187,9 @@ pub(super) async fn open(
         Some(Registration { name, host, .. }) => (name, host),
         None => (name.to_owned(), address.ip().to_string()),
     };
-    let contact = format!("{host}:{}", address.port());
-    Ok(Opened { name, listener, address, contact })
-}
-
-async fn listen(name: &str, address: SocketAddr) -> Result<TcpListener, OpenError> {
-    TcpListener::bind(address).await.map_err(|error| OpenError::Listen {
-        name: name.to_owned(),
-        address,
-        error,
-    })
+    let number = address.port();
+    let contact = format!("{host}:{number}");
+    Ok((Opened { name, address, contact, number }, listener))
 }
 
 /// Tells what the port can do, and that it lives. Nothing depends on it but tools that look, and

@@ -19,15 +19,22 @@ pub(super) enum Kind {
     Rpc(Arc<RpcLink>),
 }
 
+/// The receiver of an output.
+#[derive(Debug)]
+pub(super) struct Peer {
+    pub(super) name: String,
+    pub(super) carrier: Carrier,
+    /// The carrier with its qualifiers.
+    pub(super) carrier_text: String,
+    /// Address that the receiver listens on.
+    pub(super) contact: String,
+}
+
 /// An output, as the port knows it.
 #[derive(Debug)]
 pub(super) struct Output {
     pub(super) id: u64,
-    pub(super) name: String,
-    pub(super) carrier: Carrier,
-    pub(super) carrier_text: String,
-    /// Address that the receiver listens on.
-    pub(super) contact: String,
+    pub(super) peer: Peer,
     pub(super) kind: Kind,
     /// Socket of the connection, on which the type of service is set.
     pub(super) socket: Option<Arc<OwnedFd>>,

@@ -5,6 +5,7 @@
 //! ```
 
 use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -17,7 +18,7 @@ use super::link::{Link, LinkError};
 use super::message::Message;
 use super::open::Admission;
 use super::outbox::{Outbox, Put};
-use super::output::{ConnectionStatus, Group, Kind, Output};
+use super::output::{ConnectionStatus, Group, Kind, Output, Peer};
 use super::pace::Pace;
 use super::pictures;
 use super::rpc_link::RpcLink;
@@ -39,7 +40,7 @@ impl Core {
         self: &Arc<Self>,
         destination: &str,
     ) -> Result<String, ConnectError> {
-        let unknown = || ConnectError(admin::unknown_destination(destination));
+        let unknown = || ConnectError(format!("Do not know how to connect to {destination}"));
         let unreachable = |error: &dyn std::fmt::Display| {
             let name = &self.name;
             tracing::debug!(target: "wrapyfi_yarp::port", name, destination, %error, "connect");
@@ -48,7 +49,7 @@ impl Core {
         let refused = |reason: &dyn std::fmt::Display| {
             let name = &self.name;
             tracing::warn!(target: "wrapyfi_yarp::port", name, destination, "connect refused: {reason}");
-            ConnectError(admin::refused_destination(destination, reason))
+            ConnectError(format!("{}: {reason}", admin::unreachable_destination(destination)))
         };
         let (carrier, name) = admin::split_destination(destination).ok_or_else(unknown)?;
         let mut sender = Sender::new(self.name.clone());
@@ -64,18 +65,21 @@ impl Core {
                 format!("modifier {kind}.{what} is not available here: connect without it");
             return Err(refused(&reason));
         }
-        if pull && !self.pictures {
+        if pull && !self.options.pictures {
             return Err(refused(&Fault::NoPictures(self.name.clone())));
         }
         let _one_at_a_time = self.adding.lock().await;
         if self.role == Role::Client && !self.connections.lock().outputs.is_empty() {
             return Err(ConnectError(admin::ONE_OUTPUT.to_owned()));
         }
-        let found = self.network.query(&name).await;
-        let found = found.map_err(|error| unreachable(&error))?.ok_or_else(unknown)?;
-        let admitted = if pull { &self.session.admission } else { &self.readers };
+        let found = match &self.name_service {
+            Some(names) => names.requests.upgrade().and_then(|names| names.find(&name)),
+            None => self.network.query(&name).await.map_err(|error| unreachable(&error))?,
+        };
+        let found = found.ok_or_else(unknown)?;
+        let admitted = if pull { &self.options.senders } else { &self.options.readers };
         if let Err(fault) = Admission::check(admitted.as_ref(), &name, &found.host) {
-            self.counters.count(&fault);
+            self.fault_counts.count(&fault);
             return Err(refused(&fault));
         }
         let carrier: Carrier = match carrier {
@@ -83,88 +87,75 @@ impl Core {
             None => found.carrier.parse().unwrap_or(Carrier::Tcp),
         };
         let carrier = carrier.qualified(&sender);
-        let contact = found.contact();
+        if self.name_service.is_some() && carrier.is_connectionless() {
+            return Err(unreachable(&"changes are not told in datagrams"));
+        }
+        if self.is_full() {
+            return Err(ConnectError(admin::NO_OUTPUTS.to_owned()));
+        }
+        let (contact, carrier_text) = (found.contact(), sender.carrier_text(carrier));
+        let peer = Peer { name, carrier, carrier_text, contact };
         let made = if pull {
-            pictures::pull(self, &name, &contact).await
+            pictures::pull(self, &peer.name, &peer.contact).await
         } else {
-            Self::remove_output(self, &name).await;
-            self.make_output(&name, carrier, &sender, contact).await
+            self.remove_output(&peer.name).await;
+            self.make_output(peer, sender).await
         };
         made.map_err(|error| match &error {
             LinkError::Fault(fault) if fault.is_refusal() => refused(fault),
             _ => unreachable(&error),
         })?;
-        Ok(admin::added(&self.name, destination))
+        Ok(format!("Added connection from {} to {destination}", self.name))
     }
 
-    async fn make_output(
-        self: &Arc<Self>,
-        name: &str,
-        carrier: Carrier,
-        sender: &Sender,
-        contact: String,
-    ) -> Result<(), LinkError> {
-        let carrier_text = sender.carrier_text(carrier);
-        let options = self.network.link_options();
+    async fn make_output(self: &Arc<Self>, peer: Peer, sender: Sender) -> Result<(), LinkError> {
+        let (contact, carrier, options) =
+            (&peer.contact, peer.carrier, self.network.link_options());
         if self.role == Role::Client {
-            let link = RpcLink::new(contact.clone(), carrier, sender.clone(), options);
+            let link = RpcLink::new(contact.clone(), carrier, sender, options);
             link.connect().await?;
-            self.enter_output(
-                name,
-                carrier,
-                carrier_text,
-                contact,
-                Kind::Rpc(Arc::new(link)),
-                None,
-            );
+            self.enter_output(peer, Kind::Rpc(Arc::new(link)), None);
             return Ok(());
         }
         if carrier == Carrier::Mcast {
-            let group = datagrams::group(self, &contact).await?;
+            let group = datagrams::group(self, contact).await?;
             let behind = header::encode_group(group.address);
-            if let Err(error) = Link::open(&contact, carrier, sender, &behind, &options).await {
+            if let Err(error) = Link::open(contact, carrier, &sender, &behind, &options).await {
                 datagrams::leave_group(self, group).await;
                 return Err(error);
             }
-            self.enter_output(name, carrier, carrier_text, contact, Kind::Group(group), None);
+            self.enter_output(peer, Kind::Group(group), None);
             return Ok(());
         }
-        let (mut link, number) = Link::open(&contact, carrier, sender, &[], &options).await?;
+        let mut link = Link::open(contact, carrier, &sender, &[], &options).await?;
         if sender.foreign_modifier().is_some()
             && let Ok(error) = timeout(MODIFIER, link.ended()).await
         {
             return Err(error);
         }
-        let (way, socket) = match carrier {
+        let way = match carrier {
             Carrier::Udp => {
-                let (local, peer) = link.addresses()?;
+                let ((local, receiver), number) = (link.addresses()?, link.number);
                 drop(link);
-                let socket = udp_to(local, peer, number).await?;
-                let copy = copy_of(&socket);
-                (Way::Datagrams { socket, pace: Pace::new() }, copy)
+                let socket = udp_to(local, receiver, number).await?;
+                Way::Datagrams { socket, pace: Pace::new() }
             }
-            _ => {
-                let copy = copy_of(&link.stream);
-                (Way::Stream(link), copy)
-            }
+            _ => Way::Stream(link),
         };
-        self.start(name, carrier, carrier_text, contact, way, socket);
+        self.start(peer, way);
         Ok(())
     }
 
     /// Enters an output and starts its task.
-    pub(super) fn start(
-        self: &Arc<Self>,
-        name: &str,
-        carrier: Carrier,
-        carrier_text: String,
-        contact: String,
-        way: Way,
-        socket: Option<Arc<std::os::fd::OwnedFd>>,
-    ) {
+    pub(super) fn start(self: &Arc<Self>, peer: Peer, way: Way) {
+        let socket = match &way {
+            Way::Stream(link) => copy_of(&link.stream),
+            Way::Datagrams { socket, .. } => copy_of(socket),
+            Way::Reversed(_) | Way::Mjpeg(_) => None,
+        };
         let outbox = Arc::new(self.new_outbox());
         let kind = Kind::Queue(Arc::clone(&outbox));
-        let id = self.enter_output(name, carrier, carrier_text, contact, kind, socket);
+        let id = self.enter_output(peer, kind, socket);
         let core = Arc::clone(self);
         tokio::spawn(async move {
             // Also when the task is dropped with its runtime.
@@ -177,24 +168,16 @@ impl Core {
             if let Err(error) = ended {
                 let name = &core.name;
                 tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "output ended");
-                core.counters.add("output_ended");
+                core.fault_counts.add("output_ended");
             }
         });
     }
 
     /// Puts an output on the list; its number there.
-    fn enter_output(
-        &self,
-        name: &str,
-        carrier: Carrier,
-        carrier_text: String,
-        contact: String,
-        kind: Kind,
-        socket: Option<Arc<std::os::fd::OwnedFd>>,
-    ) -> u64 {
+    fn enter_output(&self, peer: Peer, kind: Kind, socket: Option<Arc<OwnedFd>>) -> u64 {
         let mut connections = self.connections.lock();
-        let (id, name) = (Self::new_id(&mut connections), name.to_owned());
-        let output = Output { id, name, carrier, carrier_text, contact, kind, socket };
+        let id = Self::new_id(&mut connections);
+        let output = Output { id, peer, kind, socket };
         connections.outputs.push(output);
         self.ring(&connections);
         id
@@ -211,7 +194,7 @@ impl Core {
     pub(super) async fn remove_output(self: &Arc<Self>, name: &str) -> bool {
         let found = {
             let connections = self.connections.lock();
-            let ids = connections.outputs.iter().filter(|output| output.name == name);
+            let ids = connections.outputs.iter().filter(|output| output.peer.name == name);
             ids.map(|output| output.id).collect::<Vec<_>>()
         };
         for id in &found {
@@ -226,7 +209,9 @@ impl Core {
         let found = {
             let connections = self.connections.lock();
             let found = connections.outputs.iter().find(|output| output.id == id);
-            found.map(|output| (output.kind.clone(), output.carrier, output.contact.clone()))
+            found.map(|output| {
+                (output.kind.clone(), output.peer.carrier, output.peer.contact.clone())
+            })
         };
         let Some((kind, carrier, contact)) = found else { return };
         match &kind {
@@ -234,7 +219,7 @@ impl Core {
                 outbox.close();
                 if timeout(limit, outbox.ended()).await.is_err() {
                     // Its task finds this out by itself, if it ever moves again.
-                    self.counters.add("goodbye_timeout");
+                    self.fault_counts.add("goodbye_timeout");
                     outbox.abort();
                 }
             }
@@ -248,7 +233,7 @@ impl Core {
         if carrier.is_connectionless() {
             let gone = self.network.tell_gone(&contact, &self.name);
             if !matches!(timeout(limit, gone).await, Ok(Ok(()))) {
-                self.counters.add("goodbye_failed");
+                self.fault_counts.add("goodbye_failed");
             }
         }
         if let Kind::Group(group) = kind {
@@ -259,16 +244,16 @@ impl Core {
     /// Number of targets of carrier mjpeg.
     pub(super) fn picture_readers(&self) -> usize {
         let connections = self.connections.lock();
-        connections.outputs.iter().filter(|output| output.carrier == Carrier::Mjpeg).count()
+        connections.outputs.iter().filter(|output| output.peer.carrier == Carrier::Mjpeg).count()
     }
 
     /// Puts a message in front of every target whose carrier is meant.
-    pub(super) fn write(&self, message: Message, meant: impl Fn(Carrier) -> bool) -> Written {
+    pub(crate) fn write(&self, message: Message, meant: impl Fn(Carrier) -> bool) -> Written {
         let message = Arc::new(message);
         let mut written = Written::default();
         let connections = self.connections.lock();
         let mut groups: Vec<*const Group> = Vec::new();
-        for output in connections.outputs.iter().filter(|output| meant(output.carrier)) {
+        for output in connections.outputs.iter().filter(|output| meant(output.peer.carrier)) {
             let outbox = match &output.kind {
                 Kind::Queue(outbox) => outbox,
                 // One datagram reaches all of them.
@@ -305,11 +290,11 @@ impl Core {
         let connections = self.connections.lock();
         let inputs = connections.inputs.iter().map(|input| input.status.clone());
         let outputs = connections.outputs.iter().map(|output| ConnectionStatus {
-            name: output.name.clone(),
-            carrier: output.carrier_text.clone(),
+            name: output.peer.name.clone(),
+            carrier: output.peer.carrier_text.clone(),
             incoming: false,
-            connectionless: output.carrier.is_connectionless(),
-            push: output.carrier.is_push(),
+            connectionless: output.peer.carrier.is_connectionless(),
+            push: output.peer.carrier.is_push(),
         });
         inputs.chain(outputs).collect()
     }
@@ -348,7 +333,7 @@ async fn udp_to(local: SocketAddr, peer: SocketAddr, number: i32) -> Result<UdpS
     })?;
     let socket = match UdpSocket::bind(local).await {
         Ok(socket) => socket,
-        // Nobody looks at the number that datagrams come from.
+        // No reader looks at the number that datagrams come from.
         Err(_) => UdpSocket::bind(SocketAddr::new(local.ip(), 0)).await?,
     };
     socket.connect(SocketAddr::new(peer.ip(), port)).await?;
@@ -357,6 +342,6 @@ async fn udp_to(local: SocketAddr, peer: SocketAddr, number: i32) -> Result<UdpS
 }
 
 /// A second handle of a socket, for its options.
-fn copy_of(socket: &impl std::os::fd::AsFd) -> Option<Arc<std::os::fd::OwnedFd>> {
+fn copy_of(socket: &impl std::os::fd::AsFd) -> Option<Arc<OwnedFd>> {
     socket.as_fd().try_clone_to_owned().ok().map(Arc::new)
 }

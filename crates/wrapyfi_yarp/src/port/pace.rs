@@ -4,7 +4,7 @@
 //!   a picture of 230 kB   ▉ ─ 1 ms ─ ▉ ─ 1 ms ─ ▉ ─ 1 ms ─ ▌
 //! ```
 //!
-//! A reader's socket has room for three datagrams of the largest size where nobody has raised
+//! A reader's socket has room for three datagrams of the largest size where the user has not raised
 //! `net.core.rmem_default`; the system discards those that find no room, and YARP's readers the whole
 //! message with them. YARP's own senders pause as long.
 

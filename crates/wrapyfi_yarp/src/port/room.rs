@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   Begun:  bytes of a message that has begun ─┐
-//!   Outbox: messages for a target ─────────────┴─▶ Room ─▶ whoever embeds these ports counts all that waits
+//!   Outbox: messages for a target ─────────────┴─▶ Room ─▶ the embedding program counts all that waits
 //! ```
 
 use std::future::Future;

@@ -35,8 +35,7 @@ impl RpcLink {
             });
         }
         let (contact, carrier) = (&self.contact, self.carrier);
-        let opened = Link::open(contact, carrier, &self.sender, &[], &self.options).await;
-        opened.map(|(link, _)| link)
+        Link::open(contact, carrier, &self.sender, &[], &self.options).await
     }
 
     pub(super) async fn connect(&self) -> Result<(), LinkError> {

@@ -1,70 +1,52 @@
-//! A connection that somebody opened to us, of any carrier: the layer under ports and name servers.
+//! A connection that a program opened to a port, of any carrier, or that a port opened to read pictures.
 //!
 //! ```text
-//!   TcpStream ─▶ Session::accept ─▶ opening(): who, how      (or a fault, answered and closed)
+//!   TcpStream ─▶ Session::accept ─▶ who, how      (or a fault, answered and closed)
 //!                   │
-//!                   └▶ next() ─▶ Event::Data, Admin, Command, Line, Http ─▶ yours to decide
+//!                   └▶ next() ─▶ Event::Data, Admin, Command, Line, Http ─▶ the port's to decide
 //!                        ▲                                                      │
 //!                        └──── acknowledges what was not answered ◀── answer(Answer::…) ┘
 //! ```
 //!
-//! Usual loop, in one task a connection:
-//!
-//! ```no_run
-//! # use wrapyfi_yarp::port::session::{Answer, Event, Session, SessionOptions, SessionError};
-//! # async fn f(stream: tokio::net::TcpStream, options: SessionOptions) -> Result<(), SessionError> {
-//! let mut session = Session::accept(stream, &options).await?; // waits at most for the handshake
-//! while let Some(event) = session.next().await? {
-//!     match event {
-//!         // `NAME_SERVER query /a`, whatever carrier brought it; `Lines` fits all of them.
-//!         Event::Line(line) => session.answer(Answer::Lines(String::from_utf8_lossy(&line).into())).await?,
-//!         Event::Data(data) if data.reply => {
-//!             let request = data.body.bottle(options.dialect, &options.limits);
-//!             session.answer(Answer::Bottle(request.unwrap_or_default())).await?;
-//!         }
-//!         Event::Admin(_request) => session.answer(Answer::Nothing).await?,
-//!         Event::Http(_request) => session.answer(Answer::Raw("HTTP/1.0 200 OK\r\n\r\n".into())).await?,
-//!         _ => {} // the next call of `next` acknowledges it
-//!     }
-//! }
-//! # Ok(())
-//! # }
-//! ```
-//!
 //! * `next` yields `None` when the peer says goodbye or closes between two messages: both are
 //!   normal, and so is a connection without any bytes (`accept` then fails with
-//!   [`SessionError::Silent`]). It is cancel-safe: what was read stays.
+//!   [`LinkError::Closed`]). It is cancel-safe: what was read stays.
 //! * Each event is acknowledged where its carrier does that (tcp, `text_ack`), once: by `answer`
 //!   behind the reply, or by the next `next`. Until then the sender waits: that is how a reader
 //!   holds it back.
 //! * Handled in here: goodbye, unknown commands and their hint, `?`, messages that do not decode,
-//!   fixed text for an unknown header. All of it is counted in [`SessionOptions::counters`].
-//! * udp and mcast connections only say where datagrams come: the module `datagrams` takes the
-//!   session apart and goes on.
+//!   fixed text for an unknown header. All of it is counted.
+//! * udp and mcast connections only say where datagrams come: the module `datagrams` goes on.
 
 mod event;
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, SocketAddrV4};
+use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
 use tokio::net::TcpStream;
+use tokio::time::timeout;
 
+use super::core::Core;
+use super::link::LinkError;
 use super::open::Admission;
 use super::room::{Begun, progress};
 use super::spare::Spare;
 use super::stream::Stream;
 use super::unix::Meeting;
 use crate::Bottle;
-use crate::wire::bare::{self, BareReader};
+use crate::wire::bare::BareReader;
 use crate::wire::header;
 use crate::wire::http::HttpRequest;
 use crate::wire::message::{Found, MessageReader};
+use crate::wire::mjpeg::{MjpegReader, Picture};
 use crate::wire::text::{self, Lines, TextReader};
-use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, admin, number};
+use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Progress, admin};
 use wrapyfi_retry::liveness;
 
-pub use event::{Answer, Data, Event, SessionError, SessionOptions};
+pub use event::Answer;
+pub(super) use event::{Data, Event};
 
 /// Bytes read at a time where no length is known.
 const READ_BYTES: usize = 8 * 1024;
@@ -76,63 +58,66 @@ enum Reader {
     Binary(MessageReader),
     Bare(BareReader),
     Text(TextReader),
-    /// The first request stands in the opening.
+    /// The first request stands in the header.
     Lines(Option<Bytes>, Lines),
     Http(Option<HttpRequest>),
+    Mjpeg(MjpegReader),
     /// udp and mcast: no messages on this stream.
     None,
 }
 
 /// A connection that was opened to us.
 #[derive(Debug)]
-pub struct Session {
-    stream: Stream,
-    peer: SocketAddr,
+pub(super) struct Session {
+    core: Arc<Core>,
+    pub(super) stream: Stream,
+    pub(super) peer: SocketAddr,
+    /// Name of the sender; `anon` where the carrier has none, `web` over HTTP.
+    pub(super) name: String,
+    pub(super) carrier: Option<Carrier>,
+    /// Name of the carrier with its qualifiers, as `[list]` tells it.
+    pub(super) carrier_text: String,
+    /// Group of the datagrams, on mcast.
+    pub(super) group: Option<SocketAddrV4>,
     buffer: BytesMut,
     spare: Spare,
-    opening: Opening,
-    carrier: Option<Carrier>,
     reader: Reader,
     envelope: Option<Bytes>,
     room: Begun,
     /// True when an acknowledgement is owed.
     owed: bool,
     ended: bool,
-    options: SessionOptions,
 }
 
 impl Session {
     /// Reads the header of `stream` and answers it, except on udp and mcast.
     ///
     /// # Errors
-    /// As [`SessionError`]; what must be said to the peer was said, faults are counted.
-    pub async fn accept(stream: TcpStream, options: &SessionOptions) -> Result<Self, SessionError> {
-        let accepted =
-            tokio::time::timeout(options.handshake_timeout, Self::shake_hands(stream, options));
-        let timeout = Fault::HandshakeTimeout(options.handshake_timeout);
-        let accepted = accepted.await.unwrap_or(Err(timeout.into()));
-        if let Err(SessionError::Fault(fault)) = &accepted {
-            options.counters.count(fault);
+    /// What must be said to the peer was said, faults are counted.
+    pub(super) async fn accept(stream: TcpStream, core: &Arc<Core>) -> Result<Self, LinkError> {
+        let limit = core.network.0.timeouts.handshake;
+        let accepted = timeout(limit, Self::shake_hands(stream, core)).await;
+        let accepted = accepted.unwrap_or(Err(Fault::HandshakeTimeout(limit).into()));
+        if let Err(LinkError::Fault(fault)) = &accepted {
+            core.fault_counts.count(fault);
         }
         accepted
     }
 
-    async fn shake_hands(
-        stream: TcpStream,
-        options: &SessionOptions,
-    ) -> Result<Self, SessionError> {
+    async fn shake_hands(stream: TcpStream, core: &Arc<Core>) -> Result<Self, LinkError> {
         stream.set_nodelay(true)?;
         liveness::set_reader(&stream);
         let (own, peer) = (stream.local_addr()?, stream.peer_addr()?);
         let mut stream = Stream::Tcp(stream);
         let mut buffer = BytesMut::with_capacity(READ_BYTES);
+        let limits = &*core.limits;
         let opening = loop {
-            match Opening::poll(&mut buffer, &options.limits) {
-                Ok(Step::Event(opening)) => break opening,
-                Ok(Step::Need(more)) => {
+            match Opening::poll(&mut buffer, limits) {
+                Ok(Progress::Event(opening)) => break opening,
+                Ok(Progress::Need(more)) => {
                     buffer.reserve(more.max(READ_BYTES));
                     if stream.read(&mut buffer).await? == 0 {
-                        return Err(SessionError::Silent);
+                        return Err(LinkError::Closed);
                     }
                 }
                 Err(fault) => {
@@ -144,95 +129,97 @@ impl Session {
                 }
             }
         };
-        let name = match &opening {
-            Opening::Messages { sender, .. } => sender.name.as_str(),
-            Opening::Names(_) | Opening::Http(_) => "",
+        let said = if let Opening::Messages { sender, .. } = &opening { &*sender.name } else { "" };
+        Admission::check(core.options.senders.as_ref(), said, &peer.ip().to_string())?;
+        let new = |stream, name: &str, text: &str, reader| {
+            Self::new(core, (stream, peer), name, text.to_owned(), reader, buffer)
         };
-        Admission::check(options.admission.as_ref(), name, &peer.ip().to_string())?;
-        let limits = &options.limits;
-        let (carrier, reader) = match &opening {
-            Opening::Names(line) => (None, Reader::Lines(Some(line.clone()), Lines::new(limits))),
-            Opening::Http(request) => (None, Reader::Http(Some(request.clone()))),
-            Opening::Messages { carrier, sender, .. } => {
-                // YARP answers first and then finds that it lacks the modifier: its `connect` says
-                // Success, and nothing comes. Without an answer it says that it cannot connect.
-                if let Some(modifier) = sender.foreign_modifier() {
-                    return Err(Fault::MissingModifier(modifier.to_owned()).into());
-                }
-                if !carrier.is_connectionless() {
-                    let answer = header::answer(*carrier, sender, options.own_port);
-                    stream.write_all(&[&answer]).await?;
-                }
-                if carrier.is_unix() {
-                    let folder = options.runtime_folder.as_deref();
-                    let bound = Meeting::new(folder, own, peer, true)?.bind()?;
-                    stream = Stream::Unix(bound.accept().await?);
-                }
-                let reader = match carrier {
-                    Carrier::Tcp | Carrier::FastTcp => Reader::Binary(MessageReader::new(limits)),
-                    Carrier::Text | Carrier::TextAck => Reader::Text(TextReader::new(limits)),
-                    Carrier::UnixStream | Carrier::UnixStreamAck => {
-                        Reader::Bare(BareReader::new(options.dialect, limits))
-                    }
-                    Carrier::Udp | Carrier::Mcast | Carrier::Mjpeg => Reader::None,
-                };
-                (Some(*carrier), reader)
+        let (carrier, sender, group) = match opening {
+            Opening::Names(line) => {
+                let reader = Reader::Lines(Some(line), Lines::new(limits));
+                return Ok(new(stream, "anon", "name_ser", reader));
             }
+            Opening::Http(request) => {
+                return Ok(new(stream, "web", "http", Reader::Http(Some(request))));
+            }
+            Opening::Messages { carrier, sender, group } => (carrier, sender, group),
         };
-        let (envelope, owed, ended, options) = (None, false, false, options.clone());
-        let room = Begun::new(options.rooms);
-        Ok(Self {
+        // YARP answers first and then finds that it lacks the modifier: its `connect` says
+        // Success, and nothing comes. Without an answer it says that it cannot connect.
+        if let Some(modifier) = sender.foreign_modifier() {
+            return Err(Fault::MissingModifier(modifier.to_owned()).into());
+        }
+        if !carrier.is_connectionless() {
+            stream.write_all(&[&header::answer(carrier, &sender, core.number)]).await?;
+        }
+        if carrier.is_unix() {
+            let folder = core.network.0.environment.runtime_folder();
+            let bound = Meeting::new(folder.as_deref(), own, peer, true)?.bind()?;
+            stream = Stream::Unix(bound.accept().await?);
+        }
+        let reader = match carrier {
+            Carrier::Tcp | Carrier::FastTcp => Reader::Binary(MessageReader::new(limits)),
+            Carrier::Text | Carrier::TextAck => Reader::Text(TextReader::new(limits)),
+            Carrier::UnixStream | Carrier::UnixStreamAck => {
+                Reader::Bare(BareReader::new(core.network.dialect(), limits))
+            }
+            Carrier::Udp | Carrier::Mcast | Carrier::Mjpeg => Reader::None,
+        };
+        let new = new(stream, &sender.name, &sender.carrier_text(carrier), reader);
+        Ok(Self { carrier: Some(carrier), group, ..new })
+    }
+
+    fn new(
+        core: &Arc<Core>,
+        (stream, peer): (Stream, SocketAddr),
+        name: &str,
+        carrier_text: String,
+        reader: Reader,
+        buffer: BytesMut,
+    ) -> Self {
+        Self {
+            core: Arc::clone(core),
             stream,
             peer,
+            name: name.to_owned(),
+            carrier: None,
+            carrier_text,
+            group: None,
             buffer,
             spare: Spare::default(),
-            opening,
-            carrier,
             reader,
-            envelope,
-            room,
-            owed,
-            ended,
-            options,
-        })
-    }
-
-    /// Sender and carrier of the connection.
-    pub fn opening(&self) -> &Opening {
-        &self.opening
-    }
-
-    /// The sender; `anon` where the carrier has no name, `web` over HTTP.
-    pub fn sender(&self) -> Sender {
-        match &self.opening {
-            Opening::Messages { sender, .. } => sender.clone(),
-            Opening::Names(_) => Sender::new("anon"),
-            Opening::Http(_) => Sender::new("web"),
+            envelope: None,
+            room: Begun::new(core.network.0.rooms),
+            owed: false,
+            ended: false,
         }
     }
 
-    /// The carrier's name with its qualifiers, as `[list]` tells it.
-    pub fn carrier_text(&self) -> String {
-        match &self.opening {
-            Opening::Messages { carrier, sender, .. } => sender.carrier_text(*carrier),
-            Opening::Names(_) => "name_ser".to_owned(),
-            Opening::Http(_) => "http".to_owned(),
-        }
+    /// The session of pictures that the port `name` sends, which were asked of it.
+    pub(super) fn pulled(
+        core: &Arc<Core>,
+        ends: (Stream, SocketAddr),
+        name: &str,
+        reader: MjpegReader,
+        buffer: BytesMut,
+    ) -> Self {
+        let text = Carrier::Mjpeg.name().to_owned();
+        let new = Self::new(core, ends, name, text, Reader::Mjpeg(reader), buffer);
+        Self { carrier: Some(Carrier::Mjpeg), ..new }
     }
 
     /// True when answers are lines of text.
-    pub fn is_text(&self) -> bool {
+    pub(super) fn is_text(&self) -> bool {
         self.carrier.is_none_or(Carrier::is_text)
     }
 
-    /// The peer's address.
-    pub fn peer(&self) -> SocketAddr {
-        self.peer
+    /// True when each request is a line for a name server.
+    pub(super) fn is_one_line(&self) -> bool {
+        matches!(self.reader, Reader::Lines(..))
     }
 
     /// The socket alone; none where it is a unix socket.
-    #[must_use]
-    pub fn into_tcp(self) -> Option<TcpStream> {
+    pub(super) fn into_tcp(self) -> Option<TcpStream> {
         match self.stream {
             Stream::Tcp(stream) => Some(stream),
             Stream::Unix(_) => None,
@@ -243,8 +230,8 @@ impl Session {
     /// where it was not answered.
     ///
     /// # Errors
-    /// As [`SessionError`], faults are counted; close the connection then.
-    pub async fn next(&mut self) -> Result<Option<Event>, SessionError> {
+    /// Faults are counted; close the connection then.
+    pub(super) async fn next(&mut self) -> Result<Option<Event>, LinkError> {
         loop {
             if self.owed {
                 self.answer(Answer::Nothing).await?;
@@ -253,9 +240,9 @@ impl Session {
                 return Ok(None);
             }
             let incoming = match self.poll() {
-                Ok(Some(Step::Event(Item::Message(incoming)))) => incoming,
-                Ok(Some(Step::Event(Item::Event(event)))) => return Ok(Some(event)),
-                Ok(Some(Step::Need(more))) => {
+                Ok(Some(Progress::Event(Item::Message(incoming)))) => incoming,
+                Ok(Some(Progress::Event(Item::Event(event)))) => return Ok(Some(event)),
+                Ok(Some(Progress::Need(more))) => {
                     if !self.fill(more).await? {
                         return self.end();
                     }
@@ -277,10 +264,10 @@ impl Session {
                     return Ok(Some(Event::Data(Data { body: incoming.body, envelope, reply })));
                 }
                 Command::Admin => {
-                    match incoming.body.bottle(self.options.dialect, &self.options.limits) {
+                    match incoming.body.bottle(self.core.network.dialect(), &self.core.limits) {
                         Ok(request) => return Ok(Some(Event::Admin(request))),
                         Err(error) => {
-                            self.options.counters.count(&Fault::BadPayload(error.to_string()));
+                            self.core.fault_counts.count(&Fault::BadPayload(error.to_string()));
                             self.answer(Answer::Bottle(admin::not_understood())).await?;
                         }
                     }
@@ -296,12 +283,12 @@ impl Session {
         }
     }
 
-    async fn say(&mut self, lines: &str) -> Result<(), SessionError> {
-        let answer = if self.is_text() { Answer::Lines(lines.to_owned()) } else { Answer::Nothing };
-        self.answer(answer).await
+    async fn say(&mut self, lines: &'static str) -> Result<(), LinkError> {
+        let lines = Bytes::from_static(lines.as_bytes());
+        self.answer(if self.is_text() { Answer::Raw(lines) } else { Answer::Nothing }).await
     }
 
-    fn end(&mut self) -> Result<Option<Event>, SessionError> {
+    fn end(&mut self) -> Result<Option<Event>, LinkError> {
         self.ended = true;
         self.cut_short().map_or(Ok(None), |fault| Err(self.fault(fault)))
     }
@@ -313,35 +300,40 @@ impl Session {
             Reader::Binary(reader) => reader.end(rest),
             Reader::Bare(reader) => reader.end(rest),
             Reader::Text(reader) => reader.end(rest),
+            Reader::Mjpeg(reader) => reader.end(rest),
             // The last line of a hurried peer may lack its end.
             Reader::Lines(..) | Reader::Http(_) | Reader::None => None,
         }
     }
 
-    fn fault(&self, fault: Fault) -> SessionError {
-        self.options.counters.count(&fault);
+    fn fault(&self, fault: Fault) -> LinkError {
+        self.core.fault_counts.count(&fault);
         fault.into()
     }
 
-    fn poll(&mut self) -> Result<Option<Step<Item>>, Fault> {
+    fn poll(&mut self) -> Result<Option<Progress<Item>>, Fault> {
         Ok(Some(match &mut self.reader {
             Reader::Binary(reader) => match reader.poll(&mut self.buffer)? {
-                Step::Event(Found::Message(message)) => Step::Event(Item::Message(message)),
-                Step::Event(Found::Left(fault)) => {
-                    self.options.counters.count(&fault);
+                Progress::Event(Found::Message(message)) => Progress::Event(Item::Message(message)),
+                Progress::Event(Found::Left(fault)) => {
+                    self.core.fault_counts.count(&fault);
                     return self.poll();
                 }
-                Step::Need(more) => Step::Need(more),
+                Progress::Need(more) => Progress::Need(more),
             },
             Reader::Bare(reader) => reader.poll(&mut self.buffer)?.map(Item::Message),
             Reader::Text(reader) => reader.poll(&mut self.buffer)?.map(Item::Message),
             Reader::Lines(first, lines) => {
-                let first = first.take().map(|line| Ok(Step::Event(line)));
+                let first = first.take().map(|line| Ok(Progress::Event(line)));
                 let line = first.unwrap_or_else(|| lines.poll_request(&mut self.buffer))?;
-                line.map(|line| Item::Event(Event::Line(line)))
+                line.map(|line| Item::Event(Event::Line(Body::Text(line))))
             }
+            Reader::Mjpeg(reader) => reader.poll(&mut self.buffer)?.map(|picture| {
+                let Picture { jpeg, envelope } = picture;
+                Item::Event(Event::Data(Data { body: Body::File(jpeg), envelope, reply: false }))
+            }),
             Reader::Http(request) => match request.take() {
-                Some(request) => Step::Event(Item::Event(Event::Http(request))),
+                Some(request) => Progress::Event(Item::Event(Event::Http(request))),
                 None => return Ok(None),
             },
             Reader::None => return Ok(None),
@@ -349,13 +341,15 @@ impl Session {
     }
 
     /// Reads at least one byte, straight to where it stays; false at the end.
-    async fn fill(&mut self, more: usize) -> Result<bool, SessionError> {
+    async fn fill(&mut self, more: usize) -> Result<bool, LinkError> {
         let begun = self.buffer.len();
         self.room.hold(begun).map_err(|fault| self.fault(fault))?;
-        let has_begun = begun > 0 || matches!(self.cut_short(), Some(Fault::Truncated(_)));
+        // A boundary stands behind each picture, before the next one has begun.
+        let has_begun = begun > 0 && !matches!(self.reader, Reader::Mjpeg(_))
+            || matches!(self.cut_short(), Some(Fault::Truncated(_)));
         self.spare.make_room(&mut self.buffer, more.max(READ_BYTES));
         let read = self.stream.read(&mut self.buffer);
-        match progress(has_begun, self.options.progress_timeout, read)
+        match progress(has_begun, self.core.network.0.timeouts.progress, read)
             .await
             .map_err(|fault| self.fault(fault))?
         {
@@ -371,29 +365,28 @@ impl Session {
     /// Not cancel-safe: when dropped half-way, close the connection.
     ///
     /// # Errors
-    /// As [`SessionError`].
-    pub async fn answer(&mut self, answer: Answer) -> Result<(), SessionError> {
+    /// When the connection fails, or the dialect has no form for the answer.
+    pub(super) async fn answer(&mut self, answer: Answer) -> Result<(), LinkError> {
         let owed = std::mem::take(&mut self.owed);
-        let ack: &[u8] = match self.carrier {
-            Some(Carrier::Tcp) if owed => &number::ACK,
-            Some(Carrier::TextAck) if owed => b"<ACK>\r\n",
-            Some(Carrier::UnixStreamAck) if owed => &bare::ACK,
-            _ => &[],
-        };
+        let ack = self.carrier.filter(|_| owed).map_or(&b""[..], Carrier::ack);
+        let (dialect, limits) = (self.core.network.dialect(), &self.core.limits);
         let reply: Bytes = match answer {
             Answer::Bottle(bottle) if self.is_text() => text_line(&bottle),
-            Answer::Bottle(bottle) => bottle.encode(self.options.dialect)?.into(),
+            Answer::Bottle(bottle) => {
+                let bytes = bottle.encode(dialect).map_err(|error| LinkError::Unsendable {
+                    carrier: self.carrier.unwrap_or(Carrier::Tcp),
+                    reason: error.to_string(),
+                })?;
+                bytes.into()
+            }
             Answer::Object(bytes) if self.is_text() => {
-                match Body::Binary(bytes).bottle(self.options.dialect, &self.options.limits) {
-                    Ok(bottle) => text_line(&bottle),
-                    Err(error) => {
-                        self.options.counters.count(&Fault::BadPayload(error.to_string()));
-                        text_line(&Bottle::new())
-                    }
-                }
+                let bottle = Body::Binary(bytes).bottle(dialect, limits);
+                text_line(&bottle.unwrap_or_else(|error| {
+                    self.core.fault_counts.count(&Fault::BadPayload(error.to_string()));
+                    Bottle::new()
+                }))
             }
             Answer::Object(bytes) | Answer::Raw(bytes) => bytes,
-            Answer::Lines(lines) => lines.into(),
             Answer::Nothing => Bytes::new(),
         };
         if reply.len() <= COPY_BYTES {

@@ -35,7 +35,7 @@ impl Spare {
         }
     }
 
-    /// Makes room for `more` bytes behind those in `buffer`: in memory that nobody uses any more,
+    /// Makes room for `more` bytes behind those in `buffer`: in memory that is not used any more,
     /// where there is some.
     pub(super) fn make_room(&mut self, buffer: &mut BytesMut, more: usize) {
         let size = buffer.len().saturating_add(more);

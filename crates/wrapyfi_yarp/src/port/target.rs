@@ -4,7 +4,7 @@
 //!   Outbox ─▶ stream:   write, wait for the ack where there is one, notice when the reader closes
 //!          ─▶ udp:      datagrams to one receiver, one after the other
 //!          ─▶ mcast:    datagrams to the group, once for all targets of this port
-//!          ─▶ mjpeg:    JPEG files to whoever asked over HTTP
+//!          ─▶ mjpeg:    JPEG files to a reader that asked over HTTP
 //! ```
 
 use std::sync::Arc;

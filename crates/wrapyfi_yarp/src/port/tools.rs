@@ -30,9 +30,6 @@ pub enum AdminError {
         /// Error of the connection.
         error: LinkError,
     },
-    /// The request cannot be written in the dialect.
-    #[error("the request cannot be written: {0}")]
-    Encode(#[from] crate::bottle::EncodeError),
     /// The port said no.
     #[error("port {name} refused: {reason}")]
     Refused {
@@ -52,7 +49,7 @@ pub enum AdminError {
 }
 
 impl AdminError {
-    /// True when nobody is at the port's address.
+    /// True when no program is at the port's address.
     pub fn is_refused(&self) -> bool {
         matches!(self, Self::Port { error, .. } if error.is_refused())
     }
@@ -202,7 +199,7 @@ impl Network {
             let sender = Sender::new(ADMIN);
             // Of YARP 3, since 10 is a code of both; 20 shows YARP 4.
             let options = LinkOptions { dialect: Dialect::V3, ..self.link_options() };
-            let (mut link, _) = Link::open(&contact, Carrier::Tcp, &sender, &[], &options).await?;
+            let mut link = Link::open(&contact, Carrier::Tcp, &sender, &[], &options).await?;
             let request = get.encode(options.dialect).unwrap_or_default().into();
             Ok::<_, LinkError>(link.request(&Command::Admin, &request).await?.unwrap_or_default())
         };
@@ -278,7 +275,7 @@ impl Network {
     pub(super) async fn tell_gone(&self, contact: &str, name: &str) -> Result<(), LinkError> {
         let options = self.link_options();
         let sender = Sender::new(ADMIN);
-        let (mut link, _) = Link::open(contact, Carrier::Text, &sender, &[], &options).await?;
+        let mut link = Link::open(contact, Carrier::Text, &sender, &[], &options).await?;
         link.write_raw(&[format!("~{name}\r\nq\r\n").as_bytes()]).await?;
         link.line().await?;
         Ok(())

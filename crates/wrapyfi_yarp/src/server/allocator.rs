@@ -76,7 +76,7 @@ impl Allocator {
         (self.first, self.last)
     }
 
-    /// A port number for `name`; none that `taken` says somebody chose himself.
+    /// A port number for `name`; none that a program chose by itself, as `taken` says.
     pub(crate) fn number(&mut self, name: &str, taken: impl Fn(u16) -> bool) -> Option<u16> {
         let open = |text: &String| text.parse().ok().filter(|&number| !taken(number));
         let before = self.held.get(name).and_then(BTreeSet::first);

@@ -17,7 +17,7 @@ use super::reply::{self, Reply, line, stored};
 use super::subscriptions::{Link, Subscriptions, TooMany};
 use crate::name::{NameEvent, Target};
 use crate::port::names::Registration;
-use crate::{Bottle, Limits, Value};
+use crate::{Bottle, Value, WireLimits};
 
 /// Everything a name server knows.
 #[derive(Debug)]
@@ -89,7 +89,7 @@ impl NameState {
     }
 
     /// Does what a line says.
-    pub(crate) fn apply_text(&mut self, text: &[u8], asker: Asker, limits: &Limits) -> Outcome {
+    pub(crate) fn apply_text(&mut self, text: &[u8], asker: Asker, limits: &WireLimits) -> Outcome {
         match Bottle::from_text(text, limits) {
             Ok(command) => self.apply(&command, asker),
             Err(error) => Self::refuse(Refusal::Unreadable { reason: error.to_string() }, false),
@@ -162,7 +162,7 @@ impl NameState {
         if let Err(refusal) = self.registry.check(&wish) {
             return Self::refuse(refusal, bottle);
         }
-        // Whoever registers a name has it: nobody asks the port that had it before.
+        // The program that registers a name has it: the port that had it before is not asked.
         let mut outcome = self.remove(&wish.name);
         match self.registry.register(wish, asker.busy) {
             Ok(contact) => {
@@ -294,7 +294,7 @@ impl NameState {
     fn announce(&mut self, words: &Words<'_>, asker: Asker) -> Outcome {
         let name = words.word(0);
         if matches!(words.0.get(1), Some(Value::Int32(0))) {
-            self.subscriptions.doubt(&name, asker.now);
+            self.subscriptions.verify(&name, asker.now);
             return Outcome::reply(Reply::ok());
         }
         linked(self.subscriptions.announce(&name, asker.now, &self.registry))
@@ -374,7 +374,7 @@ fn element(value: Value) -> Vec<u8> {
 
 /// A stored text as the value it was made from.
 fn parsed(text: &str) -> Value {
-    match Bottle::from_text(text.as_bytes(), &Limits::default()) {
+    match Bottle::from_text(text.as_bytes(), &WireLimits::default()) {
         Ok(mut bottle) => match bottle.values.pop() {
             None => Value::from(""),
             Some(value) if bottle.is_empty() => value,

@@ -7,7 +7,7 @@ use tokio::net::UdpSocket;
 
 use super::registry::Registry;
 use super::reply::registration;
-use super::shared::Shared;
+use super::shared::ServerState;
 use crate::name::multicast::{self, MAX_QUESTION};
 use crate::name::{DISCOVERY_GROUP, Target};
 
@@ -22,8 +22,8 @@ pub(super) fn socket(ip: IpAddr, port: u16) -> std::io::Result<UdpSocket> {
 }
 
 /// Answers as long as it runs. Only queries are, and only of names that are known: a group that
-/// anybody may write to must not change anything, nor make us talk.
-pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
+/// any program may write to must not change anything, nor make us talk.
+pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<ServerState>) {
     let group = SocketAddrV4::new(DISCOVERY_GROUP, port);
     let mut buffer = [0; MAX_QUESTION];
     loop {
@@ -43,13 +43,14 @@ pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
     }
 }
 
-/// Answer to a datagram; none where it is no question, nobody has the name, or the answer would not read as it is meant.
+/// Answer to a datagram; none where it is no question, no program has the name, or the answer would not read as it is
+/// meant.
 pub(super) fn reply(datagram: &[u8], registry: &Registry) -> Option<Vec<u8>> {
     let name = multicast::read_question(datagram)?.strip_prefix(b"query ")?;
     let name = String::from_utf8_lossy(name);
     let Target { network, name, .. } = Target::parse(name.trim());
     let found = registry.find(&name, &network)?;
     let answer = multicast::answer(&registration(&found));
-    // A name, host or carrier with blanks in it, which anybody may register, reads as another port.
+    // A name, host or carrier with blanks in it, which any program may register, reads as another port.
     (multicast::read_answer(&answer).as_ref() == Some(&found)).then_some(answer)
 }

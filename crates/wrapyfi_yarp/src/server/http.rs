@@ -9,16 +9,15 @@
 //! others, too. YARP's server does them all.
 
 use std::net::IpAddr;
-use std::sync::Arc;
 
 use bytes::Bytes;
 
 use super::reply::Reply;
-use super::shared::Shared;
+use super::shared::ServerState;
 use crate::name::registration;
 use crate::port::administration::describe;
-use crate::wire::http::HttpRequest;
-use crate::{Bottle, Limits};
+use crate::wire::http::{HttpRequest, escape};
+use crate::{Bottle, WireLimits};
 
 /// Commands that change nothing.
 const READS: [&str; 7] = ["list", "query", "help", "get", "check", "route", "runners"];
@@ -27,7 +26,7 @@ const READS: [&str; 7] = ["list", "query", "help", "get", "check", "route", "run
 const NAME_COLUMN: usize = 30;
 
 /// The whole answer to a request.
-pub(super) fn answer(request: &HttpRequest, shared: &Arc<Shared>, peer: IpAddr) -> Bytes {
+pub(super) fn answer(request: &HttpRequest, shared: &ServerState, peer: IpAddr) -> Bytes {
     if request.path.starts_with("/web/") {
         return page("text/css", STYLE);
     }
@@ -45,7 +44,7 @@ fn page(kind: &str, body: &str) -> Bytes {
     format!("HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\n\r\n{body}").into()
 }
 
-fn html(shared: &Shared, command: &str, shown: &str) -> String {
+fn html(shared: &ServerState, command: &str, shown: &str) -> String {
     let own = &shared.own;
     let (name, command) = (escape(&own.name), escape(command));
     let base = format!("http://{}:{}", escape(&own.host), own.port);
@@ -65,12 +64,12 @@ fn html(shared: &Shared, command: &str, shown: &str) -> String {
     page
 }
 
-fn connections(shared: &Arc<Shared>) -> String {
-    describe(shared).lines().fold(String::new(), |page, line| page + &escape(line) + "\n")
+fn connections(shared: &ServerState) -> String {
+    describe(&shared.core).lines().fold(String::new(), |page, line| page + &escape(line) + "\n")
 }
 
-fn run(command: &str, shared: &Arc<Shared>, peer: IpAddr) -> String {
-    let limits = Limits { max_message_bytes: 64 * 1024, ..Limits::default() };
+fn run(command: &str, shared: &ServerState, peer: IpAddr) -> String {
+    let limits = WireLimits { max_message_bytes: 64 * 1024, ..WireLimits::default() };
     let Ok(bottle) = Bottle::from_text(command.as_bytes(), &limits) else {
         return "this command cannot be read\n".to_owned();
     };
@@ -115,22 +114,6 @@ fn field(text: &str) -> Option<String> {
         });
     }
     Some(String::from_utf8_lossy(&decoded).into_owned())
-}
-
-/// Text that a browser shows as it is, wherever it stands.
-fn escape(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            other => safe.push(other),
-        }
-    }
-    safe
 }
 
 const STYLE: &str = "body { background: white; color: black; }\n\

@@ -19,12 +19,12 @@ use tokio::task::JoinSet;
 
 use wrapyfi_retry::Mutex;
 
-use super::shared::Shared;
+use super::shared::ServerState;
 use super::subscriptions::Link;
-use crate::name::{NameError, Target, name_fault};
+use crate::name::{NameError, Target, is_pull, name_fault};
 use crate::port::AdminError;
 use crate::port::names::Registration;
-use crate::{Bottle, Limits, Value};
+use crate::{Bottle, Value, WireLimits};
 
 /// Pairs that are seen to at a time: each may wait for a port that does not answer.
 const AT_A_TIME: usize = 32;
@@ -52,7 +52,7 @@ impl Default for Links {
 
 impl Links {
     /// Sees to a connection, soon.
-    pub(super) fn submit(&self, link: Link, shared: &Arc<Shared>) {
+    pub(super) fn submit(&self, link: Link, shared: &Weak<ServerState>) {
         let mut waiting = self.waiting.lock();
         if waiting.ended {
             return;
@@ -61,7 +61,7 @@ impl Links {
         let pair = (link.src, link.dest);
         if waiting.wishes.insert(pair.clone(), Some(link.connect)).is_none() {
             let turns = Arc::clone(&self.turns);
-            waiting.tasks.spawn(see_to(pair, Arc::downgrade(shared), turns));
+            waiting.tasks.spawn(see_to(pair, Weak::clone(shared), turns));
         }
     }
 
@@ -84,7 +84,7 @@ impl Links {
     }
 }
 
-async fn see_to(pair: (String, String), shared: Weak<Shared>, turns: Arc<Semaphore>) {
+async fn see_to(pair: (String, String), shared: Weak<ServerState>, turns: Arc<Semaphore>) {
     // The semaphore is never closed.
     let Ok(_turn) = turns.acquire().await else { return };
     while let Some(shared) = shared.upgrade() {
@@ -93,7 +93,7 @@ async fn see_to(pair: (String, String), shared: Weak<Shared>, turns: Arc<Semapho
     }
 }
 
-async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
+async fn enact(src: &str, dest: &str, wish: bool, shared: &ServerState) {
     let done = async {
         let pair = Pair::find(shared, src, dest)?;
         // As YARP: look first, and let the connecting look again.
@@ -104,7 +104,7 @@ async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
     };
     match done.await {
         Ok(()) => {
-            shared.counters.add(if wish { "link_made" } else { "link_ended" });
+            shared.core.fault_counts.add(if wish { "link_made" } else { "link_ended" });
             tracing::info!(target: "wrapyfi_yarp::server", src, dest, connected = wish, "link");
         }
         // The port that left is not found any more: there is nothing left to end.
@@ -112,7 +112,7 @@ async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
             tracing::debug!(target: "wrapyfi_yarp::server", %error, src, dest, "not disconnected");
         }
         Err(error) => {
-            shared.counters.add("link_failed");
+            shared.core.fault_counts.add("link_failed");
             tracing::warn!(target: "wrapyfi_yarp::server", "{src} not connected to {dest}: {error}");
         }
     }
@@ -120,7 +120,7 @@ async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
 
 /// Two registered ports, and how they are to be connected.
 pub(super) struct Pair<'a> {
-    shared: &'a Arc<Shared>,
+    shared: &'a ServerState,
     src: Registration,
     dest: Registration,
     /// Carrier with its qualifiers.
@@ -131,12 +131,12 @@ pub(super) struct Pair<'a> {
 impl<'a> Pair<'a> {
     /// Finds two ports. Either may have a carrier before it (`fast_tcp://view`); that of the
     /// receiver counts, then that of the sender, then the one that the receiver is registered with.
-    pub(super) fn find(shared: &'a Arc<Shared>, src: &str, dest: &str) -> Result<Self, AdminError> {
+    pub(super) fn find(shared: &'a ServerState, src: &str, dest: &str) -> Result<Self, AdminError> {
         let (from, to) = (Target::parse(src), Target::parse(dest));
         let (mut src, mut dest) = (lookup(shared, &from)?, lookup(shared, &to)?);
         let named = [to.carrier, from.carrier].into_iter().find(|carrier| !carrier.is_empty());
         let carrier = named.unwrap_or_else(|| dest.carrier.clone());
-        let pull = Target { carrier: carrier.clone(), ..Target::default() }.is_pull();
+        let pull = is_pull(&carrier);
         // A network chooses an address; the ports know each other by their names.
         (src.name, dest.name) = (rooted(from.name), rooted(to.name));
         Ok(Self { shared, src, dest, carrier, pull })
@@ -150,46 +150,42 @@ impl<'a> Pair<'a> {
 
     /// Connects the ports.
     pub(super) async fn connect(&self) -> Result<(), AdminError> {
-        let (asked, other, _) = self.sides();
+        let (asked, other) = self.sides();
         self.listed().await?;
-        let (contact, target) = (asked.contact(), format!("{}:/{other}", self.carrier));
-        let added = self.shared.network.add_output(&asked.name, Some(&contact), &target).await;
+        let (contact, target) = (asked.contact(), format!("{}:/{}", self.carrier, other.name));
+        let added = self.shared.core.network.add_output(&asked.name, Some(&contact), &target).await;
         if let Err(AdminError::Refused { .. }) = added {
-            self.shared.doubt(&self.dest.name);
+            self.shared.verify(&self.dest.name);
         }
         self.heard(asked, added)
     }
 
     /// Ends the connection; [`AdminError::Refused`] where there is none.
     pub(super) async fn disconnect(&self) -> Result<(), AdminError> {
-        let (asked, other, _) = self.sides();
+        let (asked, other) = self.sides();
         let now = self.listed().await?;
         let pulled = now.find("push").is_some_and(|push| push.as_i64() == Some(0));
         let silent = now.find("connectionless").is_some_and(|flag| flag.as_i64() == Some(1));
         if silent && pulled != self.pull {
-            // The other side would go on sending: nobody else tells it.
-            let (told, about) =
-                if self.pull { (&self.src, &self.dest) } else { (&self.dest, &self.src) };
-            self.ask(told, [Value::vocab("del"), about.name.as_str().into()]).await?;
+            // The other side would go on sending: no other program tells it.
+            self.ask(other, [Value::vocab("del"), asked.name.as_str().into()]).await?;
         }
         let contact = asked.contact();
-        let ended = self.shared.network.remove_output(&asked.name, Some(&contact), other).await;
+        let ended =
+            self.shared.core.network.remove_output(&asked.name, Some(&contact), &other.name).await;
         self.heard(asked, ended)
     }
 
-    /// Port that is asked, name of the port that the question is about, and the direction.
-    fn sides(&self) -> (&Registration, &str, &'static str) {
-        if self.pull {
-            (&self.dest, &self.src.name, "in")
-        } else {
-            (&self.src, &self.dest.name, "out")
-        }
+    /// Port that is asked, and the port that the question is about.
+    fn sides(&self) -> (&Registration, &Registration) {
+        if self.pull { (&self.dest, &self.src) } else { (&self.src, &self.dest) }
     }
 
     /// Connection between the two as it is now, in the asked port's words; empty where there is none.
     async fn listed(&self) -> Result<Bottle, AdminError> {
-        let (asked, other, side) = self.sides();
-        self.ask(asked, [Value::vocab("list"), Value::vocab(side), other.into()]).await
+        let (asked, other) = self.sides();
+        let side = Value::vocab(if self.pull { "in" } else { "out" });
+        self.ask(asked, [Value::vocab("list"), side, other.name.as_str().into()]).await
     }
 
     /// Asks a port's administration.
@@ -199,7 +195,7 @@ impl<'a> Pair<'a> {
         request: impl IntoIterator<Item = Value>,
     ) -> Result<Bottle, AdminError> {
         let (contact, request) = (port.contact(), request.into_iter().collect());
-        let asked = self.shared.network.admin_at(&port.name, Some(&contact), &request).await;
+        let asked = self.shared.core.network.admin_at(&port.name, Some(&contact), &request).await;
         self.heard(port, asked)
     }
 
@@ -210,16 +206,16 @@ impl<'a> Pair<'a> {
         answer: Result<T, AdminError>,
     ) -> Result<T, AdminError> {
         if let Err(AdminError::Port { .. }) = answer {
-            self.shared.doubt(&port.name);
+            self.shared.verify(&port.name);
         }
         answer
     }
 }
 
 /// Finds a port, whatever stands before its name.
-fn lookup(shared: &Shared, target: &Target) -> Result<Registration, AdminError> {
+fn lookup(shared: &ServerState, target: &Target) -> Result<Registration, AdminError> {
     let name = rooted(target.name.clone());
-    if let Some(reason) = name_fault(&name, Limits::default().max_name_bytes) {
+    if let Some(reason) = name_fault(&name, WireLimits::default().max_name_bytes) {
         return Err(NameError::BadName { name, reason }.into());
     }
     let found = shared.state.lock().registry.find(&name, &target.network);

@@ -10,7 +10,7 @@
 //! Real `yarp` tools, ports and Wrapyfi work with it as with YARP's own: it gives away port numbers,
 //! names and multicast groups, and makes persistent connections itself.
 //!
-//! It listens on the loopback interface unless it is told otherwise: a name server obeys whoever
+//! It listens on the loopback interface unless it is told otherwise: a name server obeys the program that
 //! reaches it, and so decides where everybody's data go.
 //!
 //! # Differences to YARP's
@@ -33,25 +33,25 @@
 //! | `=tail`, unregistered | its name is lost | its name is used again |
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
-use std::sync::Arc;
-use std::time::Instant;
+use std::sync::{Arc, Weak};
+use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
-use tokio::sync::watch;
 use tokio::task::JoinSet;
 use wrapyfi_retry::Mutex;
 
+use crate::WireLimits;
 use crate::name::{NameClient, NameServerConf, name_fault};
+use crate::port::core::{Core, NameService, Role};
 use crate::port::names::Registration;
-use crate::port::{Counters, Network, NetworkOptions, Timeouts};
+use crate::port::open::Opened;
+use crate::port::{Network, NetworkOptions, Overflow, Port, PortOptions, Timeouts, life};
 use commands::NameState;
-use shared::Shared;
+use shared::ServerState;
 
 mod allocator;
 mod commands;
 mod discovery;
-mod events;
-mod front;
 mod http;
 mod links;
 mod options;
@@ -66,6 +66,9 @@ pub use shared::NameServerStatus;
 #[doc(hidden)]
 pub mod offline;
 
+/// Longest time that readers of changes have to hear a goodbye.
+const FAREWELL: Duration = Duration::from_secs(1);
+
 /// Error of starting a name server.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -76,7 +79,7 @@ pub enum NameServerError {
          every connection: use 127.0.0.1, or set insecure: true where the network is trusted"
     )]
     NotLoopback(IpAddr),
-    /// Somebody else has the port.
+    /// Another program has the port.
     #[error(
         "port {port} on {ip} is taken, perhaps by another name server: stop it, or choose another port"
     )]
@@ -110,10 +113,8 @@ pub enum NameServerError {
 /// A running name server. Dropping it ends it.
 #[derive(Debug)]
 pub struct NameServer {
-    address: SocketAddr,
-    shared: Arc<Shared>,
-    stop: watch::Sender<bool>,
-    front: JoinSet<()>,
+    port: Port,
+    shared: Arc<ServerState>,
     discovery: JoinSet<()>,
 }
 
@@ -146,28 +147,47 @@ impl NameServer {
         };
         let group = options.discovery_port.unwrap_or(crate::name::environment::DEFAULT_PORT);
         let state = NameState::new(&own, group, options.limits.clone());
-        let timeout = options.link_timeout;
+        let limits = WireLimits { max_connections: options.limits.max_connections, ..options.wire };
         let network = Network::new(NetworkOptions {
             dialect: options.dialect,
-            limits: options.wire.clone(),
-            timeouts: Timeouts { connect: timeout, admin: timeout, ..Timeouts::default() },
+            limits: limits.clone(),
+            timeouts: Timeouts {
+                handshake: options.handshake_timeout,
+                connect: options.link_timeout,
+                admin: options.link_timeout,
+                close: FAREWELL,
+                ..Timeouts::default()
+            },
             ..NetworkOptions::default()
         });
-        let (stop, stopping) = watch::channel(false);
-        let shared = Arc::new(Shared {
-            own,
-            network,
-            options,
-            state: Mutex::new(state),
-            started: Instant::now(),
-            counters: Arc::new(Counters::default()),
-            commands: 0.into(),
-            sessions: Mutex::default(),
-            next_session: 0.into(),
-            readers: events::Readers::default(),
-            links: links::Links::default(),
+        let (name, number) = (own.name.clone(), own.port);
+        let opened = Opened { name, address, contact: format!("{}:{number}", own.host), number };
+        let port = PortOptions {
+            register: false,
+            queue: options.limits.max_waiting_events,
+            overflow: Overflow::DropNewest,
+            ..PortOptions::default()
+        };
+        let options = NameServerOptions { wire: limits, ..options };
+        let shared = Arc::new_cyclic(|this: &Weak<ServerState>| {
+            let service = NameService {
+                requests: this.clone(),
+                idle_timeout: options.idle_timeout,
+                max_readers: options.limits.max_readers,
+            };
+            let core = Core::new(&network, opened, port, Role::Output, None, Some(service));
+            ServerState {
+                this: this.clone(),
+                own,
+                options,
+                core: Arc::new(core),
+                state: Mutex::new(state),
+                started: Instant::now(),
+                commands: 0.into(),
+                links: links::Links::default(),
+            }
         });
-        let (mut front, mut discovery) = (JoinSet::new(), JoinSet::new());
+        let mut discovery = JoinSet::new();
         if let Some(port) = shared.options.discovery_port {
             match discovery::socket(ip, port) {
                 Ok(socket) => {
@@ -180,14 +200,15 @@ impl NameServer {
                 ),
             }
         }
-        front.spawn(front::serve(listener, Arc::clone(&shared), stopping));
+        let port = Port { core: Arc::clone(&shared.core) };
+        tokio::spawn(life::keep(Arc::clone(&port.core), listener));
         tracing::info!(target: "wrapyfi_yarp::server", %address, "name server runs");
-        Ok(Self { address, shared, stop, front, discovery })
+        Ok(Self { port, shared, discovery })
     }
 
     /// Address that the name server listens on.
     pub fn address(&self) -> SocketAddr {
-        self.address
+        self.port.address()
     }
 
     /// Entry of the name server itself: its name, and the address at which others reach it.
@@ -210,18 +231,17 @@ impl NameServer {
     /// Ends it: connections are closed, readers of changes are told goodbye, the port is free when
     /// this returns.
     pub async fn stop(mut self) {
-        self.stop.send_replace(true);
-        while self.front.join_next().await.is_some() {}
+        self.shared.links.end();
+        self.port.end().await;
         self.discovery.shutdown().await;
-        tracing::info!(target: "wrapyfi_yarp::server", address = %self.address, "name server ended");
+        tracing::info!(target: "wrapyfi_yarp::server", address = %self.address(), "name server ended");
     }
 }
 
 impl Drop for NameServer {
     fn drop(&mut self) {
-        // The tasks end with their set; those of connections end with the front.
+        // The port ends with its handle, and answering by multicast with its set.
         self.shared.links.end();
-        self.shared.readers.end();
     }
 }
 

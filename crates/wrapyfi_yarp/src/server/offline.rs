@@ -6,20 +6,20 @@ use std::time::Duration;
 use super::commands::{Asker, NameState};
 use super::discovery;
 use super::options::NameServerLimits;
-use crate::Limits;
+use crate::WireLimits;
 use crate::port::names::Registration;
 
 /// A name server that is asked by calls.
 #[derive(Debug)]
 pub struct Offline {
     state: NameState,
-    limits: Limits,
+    limits: WireLimits,
     now: Duration,
 }
 
 impl Offline {
     /// A fresh one, at 127.0.0.1:10000.
-    pub fn new(kept: NameServerLimits, limits: Limits) -> Self {
+    pub fn new(kept: NameServerLimits, limits: WireLimits) -> Self {
         let own = Registration {
             name: "/root".to_owned(),
             host: "127.0.0.1".to_owned(),
@@ -37,9 +37,7 @@ impl Offline {
             now: self.now,
             busy: |_| false,
         };
-        let mut answer = Vec::new();
-        self.state.apply_text(line, asker, &self.limits).reply.write_text(&mut answer);
-        answer
+        self.state.apply_text(line, asker, &self.limits).reply.to_text()
     }
 
     /// Answer of the name server to a datagram of its multicast group.
@@ -56,7 +54,7 @@ impl Offline {
 
 /// Addresses of the ports that a client reads from the answer to a one-line request; `None` where
 /// the answer does not end or exceeds a limit.
-pub fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
+pub fn read_answer(bytes: &[u8], limits: &WireLimits) -> Option<Vec<Registration>> {
     crate::name::read_answer(bytes, limits)
 }
 

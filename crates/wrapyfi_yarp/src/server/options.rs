@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
 use crate::name::environment::DEFAULT_PORT;
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// Limits of everything that a name server keeps. A client that asks for more is told so.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,7 +74,7 @@ pub struct NameServerOptions {
     /// Limits of everything that the server keeps.
     pub limits: NameServerLimits,
     /// Limits of everything that the server reads.
-    pub wire: Limits,
+    pub wire: WireLimits,
     /// Encoding of bottles on binary carriers. Its own answers hold no floats: both are the same.
     pub dialect: Dialect,
     /// Time until a connection must have said what it is.
@@ -98,7 +98,7 @@ impl Default for NameServerOptions {
             skip_busy_ports: true,
             make_connections: true,
             limits: NameServerLimits::default(),
-            wire: Limits::default(),
+            wire: WireLimits::default(),
             dialect: Dialect::default(),
             handshake_timeout: Duration::from_secs(5),
             idle_timeout: Duration::from_secs(30),

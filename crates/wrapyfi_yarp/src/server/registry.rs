@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
 pub(crate) struct Registry {
     pub(crate) own: Registration,
     ports: BTreeMap<String, Entry>,
-    /// Number of registrations that use a port number, whoever chose it.
+    /// Number of registrations that use a port number, whichever side chose it.
     numbers: BTreeMap<u16, usize>,
     allocator: Allocator,
     limits: NameServerLimits,

@@ -9,12 +9,9 @@
 //! The old form is lines, whatever the carrier: over binary tcp, too. That makes a reader of bottles
 //! fail, and YARP's own server does it.
 
-use bytes::BufMut;
-
 use super::registry::Refusal;
-use crate::bottle::EncodeError;
 use crate::port::names::Registration;
-use crate::{Bottle, Dialect, Value};
+use crate::{Bottle, Value};
 
 /// An answer.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,34 +51,14 @@ impl Reply {
         }
     }
 
-    /// Appends it as a text carrier sends it.
-    pub(crate) fn write_text(&self, out: &mut Vec<u8>) {
+    /// The reply as a text carrier sends it.
+    pub(crate) fn to_text(&self) -> Vec<u8> {
         match self {
             Self::Lines(lines) => {
-                for line in lines.iter().map(Vec::as_slice).chain([END.as_bytes()]) {
-                    out.put_slice(line);
-                    out.put_slice(b"\r\n");
-                }
+                let lines = lines.iter().map(Vec::as_slice).chain([END.as_bytes()]);
+                lines.flat_map(|line| [line, b"\r\n"]).flatten().copied().collect()
             }
-            Self::Bottle(bottle) => {
-                out.put_slice(&bottle.to_text_bytes());
-                out.put_slice(b"\r\n");
-            }
-        }
-    }
-
-    /// Appends it as a binary carrier sends it.
-    pub(crate) fn write_binary(
-        &self,
-        out: &mut Vec<u8>,
-        dialect: Dialect,
-    ) -> Result<(), EncodeError> {
-        match self {
-            Self::Lines(_) => {
-                self.write_text(out);
-                Ok(())
-            }
-            Self::Bottle(bottle) => bottle.encode_into(out, dialect),
+            Self::Bottle(bottle) => [&bottle.to_text_bytes()[..], b"\r\n"].concat(),
         }
     }
 }

@@ -2,23 +2,26 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Weak};
 use std::time::Instant;
 
-use tokio::sync::Notify;
-
+use bytes::Bytes;
 use wrapyfi_retry::Mutex;
 
 use super::commands::{Asker, NameState, Outcome};
-use super::events::Readers;
+use super::http;
 use super::links::Links;
 use super::options::NameServerOptions;
 use super::registry::Refusal;
+use super::reply::Reply;
 use crate::Bottle;
+use crate::name::{NameEvent, Target};
+use crate::port::core::{Core, NameRequests};
 use crate::port::names::Registration;
-use crate::port::{Counters, Network};
+use crate::port::{Answer, Message, PortPayload};
 use crate::wire::Body;
+use crate::wire::http::HttpRequest;
 
 /// A name server at one moment.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -37,58 +40,44 @@ pub struct NameServerStatus {
     pub counts: BTreeMap<&'static str, u64>,
 }
 
-/// A connection as descriptions name it.
-#[derive(Debug, Clone)]
-pub(super) struct SessionEntry {
-    /// The sender; without a slash for those that are no ports.
-    pub(super) sender: String,
-    /// Carrier with qualifiers.
-    pub(super) carrier: String,
-    /// Ends it.
-    pub(super) end: Arc<Notify>,
-}
-
 /// Everything but the sockets.
 #[derive(Debug)]
-pub(super) struct Shared {
+pub(super) struct ServerState {
+    pub(super) this: Weak<Self>,
     pub(super) own: Registration,
     pub(super) options: NameServerOptions,
-    /// Way to the ports that are connected, and told of changes.
-    pub(super) network: Network,
+    /// The port of the name server, whose outputs are readers of changes.
+    pub(super) core: Arc<Core>,
     pub(super) state: Mutex<NameState>,
     pub(super) started: Instant,
-    pub(super) counters: Arc<Counters>,
     pub(super) commands: AtomicU64,
-    pub(super) sessions: Mutex<BTreeMap<u64, SessionEntry>>,
-    pub(super) next_session: AtomicU64,
-    pub(super) readers: Readers,
     pub(super) links: Links,
 }
 
-impl Shared {
+impl ServerState {
     /// Does a command, and sees to what follows from it.
-    pub(super) fn apply(self: &Arc<Self>, command: &Bottle, address: Option<IpAddr>) -> Outcome {
+    pub(super) fn apply(&self, command: &Bottle, address: Option<IpAddr>) -> Outcome {
         self.perform(|state, asker| state.apply(command, asker), address)
     }
 
     /// [`Self::apply`] for a command as it came.
-    pub(super) fn apply_body(self: &Arc<Self>, body: &Body, address: Option<IpAddr>) -> Outcome {
+    fn apply_body(&self, body: &Body, address: IpAddr) -> Outcome {
         let limit = self.options.limits.max_command_bytes;
         if body.len() > limit {
             return self.refused(Refusal::LongCommand { length: body.len(), limit });
         }
         match body.bottle(self.options.dialect, &self.options.wire) {
-            Ok(command) => self.apply(&command, address),
+            Ok(command) => self.apply(&command, Some(address)),
             Err(error) => self.refused(Refusal::Unreadable { reason: error.to_string() }),
         }
     }
 
-    fn refused(self: &Arc<Self>, refusal: Refusal) -> Outcome {
+    fn refused(&self, refusal: Refusal) -> Outcome {
         self.perform(|_, _| NameState::refuse(refusal, false), None)
     }
 
     fn perform(
-        self: &Arc<Self>,
+        &self,
         what: impl FnOnce(&mut NameState, Asker) -> Outcome,
         address: Option<IpAddr>,
     ) -> Outcome {
@@ -102,33 +91,58 @@ impl Shared {
         let mut state = self.state.lock();
         let mut outcome = what(&mut state, asker);
         // Under the lock: everybody hears of changes in the order in which they happened.
-        for event in &outcome.events {
-            self.readers.tell(event, &self.counters);
-        }
+        outcome.events.iter().for_each(|event| self.tell(event));
         drop(state);
         for link in outcome.links.drain(..).filter(|_| self.options.make_connections) {
-            self.links.submit(link, self);
+            self.links.submit(link, &self.this);
         }
         if let Some(refusal) = &outcome.refused {
-            self.counters.add("refused");
+            self.core.fault_counts.add("refused");
             tracing::info!(target: "wrapyfi_yarp::server", %refusal, "refused");
         }
         outcome
     }
 
+    /// Tells a change to all readers, now or never.
+    fn tell(&self, event: &NameEvent) {
+        // Words and strings have a form in every dialect.
+        let payload = PortPayload::bottle(&event.to_bottle(), self.options.dialect);
+        let written = self.core.write(Message::new(payload.unwrap_or_default()), |_any| true);
+        (0..written.dropped).for_each(|_| self.core.fault_counts.add("event_dropped"));
+    }
+
     /// Notes that a port does not answer.
-    pub(super) fn doubt(&self, name: &str) {
-        self.state.lock().subscriptions.doubt(name, self.started.elapsed());
+    pub(super) fn verify(&self, name: &str) {
+        self.state.lock().subscriptions.verify(name, self.started.elapsed());
     }
 
     pub(super) fn status(&self) -> NameServerStatus {
+        let connected = *self.core.connected.borrow();
         NameServerStatus {
             names: self.state.lock().registry.len(),
-            connections: self.sessions.lock().len(),
-            readers: self.readers.names().len(),
+            connections: connected.inputs,
+            readers: connected.outputs,
             commands: self.commands.load(Relaxed),
-            counts: self.counters.all(),
+            counts: self.core.fault_counts.all(),
         }
+    }
+}
+
+impl NameRequests for ServerState {
+    fn find(&self, name: &str) -> Option<Registration> {
+        let Target { name, network, .. } = Target::parse(name);
+        self.state.lock().registry.find(&name, &network)
+    }
+
+    fn answer(&self, command: &Body, asker: IpAddr) -> Answer {
+        match self.apply_body(command, asker).reply {
+            Reply::Bottle(bottle) => Answer::Bottle(bottle),
+            lines @ Reply::Lines(_) => Answer::Raw(lines.to_text().into()),
+        }
+    }
+
+    fn page(&self, request: &HttpRequest, asker: IpAddr) -> Bytes {
+        http::answer(request, self, asker)
     }
 }
 
@@ -138,7 +152,7 @@ fn is_busy(port: u16) -> bool {
     let address = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, port);
     let free = Socket::new(Domain::IPV4, Type::STREAM, None).and_then(|socket| {
         // As ports do, lest connections that are closing count. It never listens.
-        socket.set_reuse_address(cfg!(unix))?;
+        socket.set_reuse_address(true)?;
         socket.bind(&address.into())
     });
     free.is_err_and(|error| error.kind() == std::io::ErrorKind::AddrInUse)

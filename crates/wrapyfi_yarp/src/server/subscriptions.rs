@@ -6,7 +6,7 @@
 //!   unregister /b ──▶ /b is gone ───┘──▶ Link { disconnect, "/a", "tcp://b" }
 //! ```
 //!
-//! Nothing is connected here: whoever asks is told what to do.
+//! Nothing is connected here: the program that asks is told what to do.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -143,8 +143,8 @@ impl Subscriptions {
         Ok(self.hook_up(name, known))
     }
 
-    /// Somebody says that a port does not answer.
-    pub(crate) fn doubt(&mut self, name: &str, now: Duration) {
+    /// A program says that a port does not answer.
+    pub(crate) fn verify(&mut self, name: &str, now: Duration) {
         if self.live.get(name).is_some_and(|&since| now.saturating_sub(since) > SETTLED) {
             self.live.remove(name);
         }
@@ -315,9 +315,9 @@ mod tests {
         let mut all = Subscriptions::new(10);
         all.announce("/a", NOW, &both).unwrap();
         all.subscribe("/a", "/b", "", &Ports(&[])).unwrap();
-        all.doubt("/a", NOW + Duration::from_secs(30));
+        all.verify("/a", NOW + Duration::from_secs(30));
         assert_eq!(all.announce("/b", NOW, &both), Ok(connect("/a", "/b")));
-        all.doubt("/a", NOW + Duration::from_secs(31));
+        all.verify("/a", NOW + Duration::from_secs(31));
         assert_eq!(all.announce("/b", NOW, &both), Ok(vec![]));
     }
 

@@ -33,7 +33,7 @@ pub enum SigError {
     #[error("{0}")]
     OtherVersion(String),
     /// The object is larger than allowed.
-    #[error("{what} of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
+    #[error("{what} of {length} bytes, the limit is {limit}: raise WireLimits::max_message_bytes")]
     TooLong {
         /// Object.
         what: &'static str,

@@ -12,7 +12,7 @@ use bytes::Bytes;
 use super::error::{SigError, contradictory, unwritable};
 use super::image_header::{IMAGE_HEADER_BYTES, ImageHeader, WHAT};
 use super::pixel::PixelCode;
-use crate::Limits;
+use crate::WireLimits;
 
 /// Layout of the rows of an image behind its header.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -65,7 +65,7 @@ impl Image {
     ///
     /// # Errors
     /// When the bytes are no image, or exceed `limits`.
-    pub fn decode(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, SigError> {
+    pub fn decode(bytes: &Bytes, rows: Rows, limits: &WireLimits) -> Result<Self, SigError> {
         let mut header = ImageHeader::read(bytes, limits)?;
         let needed = IMAGE_HEADER_BYTES + header.image_bytes();
         let given = bytes.len();
@@ -103,21 +103,6 @@ impl Image {
     /// Header of the image: format and layout of the pixels.
     pub const fn header(&self) -> &ImageHeader {
         &self.header
-    }
-
-    /// Format of the pixels.
-    pub const fn pixel(&self) -> PixelCode {
-        self.header.pixel
-    }
-
-    /// Pixels in a row.
-    pub const fn width(&self) -> usize {
-        self.header.width
-    }
-
-    /// Rows.
-    pub const fn height(&self) -> usize {
-        self.header.height
     }
 
     /// All rows with what pads them, [`ImageHeader::stride`] bytes each.

@@ -12,7 +12,7 @@
 use super::error::{SigError, check, contradictory, size, unwritable, written};
 use super::fields::{ints, put};
 use super::pixel::PixelCode;
-use crate::Limits;
+use crate::WireLimits;
 use crate::bottle::Vocab;
 
 /// Bytes of the header.
@@ -70,7 +70,7 @@ impl ImageHeader {
     /// # Errors
     /// When these are not 60 bytes of such a header, its sizes contradict each other, or the image
     /// exceeds `limits`.
-    pub fn read(bytes: &[u8], limits: &Limits) -> Result<Self, SigError> {
+    pub fn read(bytes: &[u8], limits: &WireLimits) -> Result<Self, SigError> {
         let truncated =
             SigError::Truncated { what: WHAT, needed: IMAGE_HEADER_BYTES, given: bytes.len() };
         let Some(words) = ints::<15>(bytes, 0) else { return Err(truncated) };

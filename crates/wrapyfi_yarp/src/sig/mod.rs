@@ -6,7 +6,7 @@
 //!           ──Vector::decode─▶ numbers (one copy)
 //! ```
 //!
-//! Each object is laid out so that its bytes are a bottle, too: whoever does not know what a port
+//! Each object is laid out so that its bytes are a bottle, too: the program that does not know what a port
 //! sends reads it as one.
 
 mod error;

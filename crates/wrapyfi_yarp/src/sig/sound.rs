@@ -10,7 +10,7 @@ use bytes::Bytes;
 
 use super::error::{SigError, check, size, written};
 use super::fields::{ints, put};
-use crate::{Bottle, Dialect, Limits, Value};
+use crate::{Bottle, Dialect, Value, WireLimits};
 
 /// Bytes before the samples.
 pub const SOUND_HEADER_BYTES: usize = 48;
@@ -60,7 +60,7 @@ impl Sound {
     ///
     /// # Errors
     /// When the bytes are no sound of that dialect, or exceed `limits`.
-    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
+    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &WireLimits) -> Result<Self, SigError> {
         let given = bytes.len();
         let Some(words) = ints::<12>(bytes, 0) else {
             return Err(SigError::Truncated { what: WHAT, needed: SOUND_HEADER_BYTES, given });

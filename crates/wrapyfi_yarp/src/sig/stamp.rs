@@ -6,7 +6,7 @@
 //! ```
 
 use crate::bottle::significant;
-use crate::{Bottle, Limits, Value};
+use crate::{Bottle, Value, WireLimits};
 
 /// Significant digits of the time in an envelope: C's `DBL_DIG`. Of today's times, microseconds
 /// survive.
@@ -24,7 +24,8 @@ pub struct Stamp {
 impl Stamp {
     /// The stamp in an envelope: `42 1700000000.5`. None where the envelope is something else.
     pub fn from_envelope(envelope: &[u8]) -> Option<Self> {
-        let limits = Limits { max_message_bytes: 1 << 10, max_depth: 2, ..Limits::default() };
+        let limits =
+            WireLimits { max_message_bytes: 1 << 10, max_depth: 2, ..WireLimits::default() };
         Self::from_bottle(&Bottle::from_text(envelope, &limits).ok()?)
     }
 

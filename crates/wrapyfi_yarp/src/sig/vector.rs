@@ -7,7 +7,7 @@
 
 use super::error::{SigError, check, size, written};
 use super::fields::{ints, put};
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// Bytes before the numbers of a vector.
 const VECTOR_HEADER_BYTES: usize = 8;
@@ -88,7 +88,7 @@ impl<T: Number> Vector<T> {
     ///
     /// # Errors
     /// When the bytes are not a vector of such numbers in that dialect, or exceed `limits`.
-    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
+    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &WireLimits) -> Result<Self, SigError> {
         numbers("a vector", bytes, 0, dialect, limits).map(Self)
     }
 
@@ -130,7 +130,7 @@ impl Matrix {
     ///
     /// # Errors
     /// When the bytes are not a matrix in that dialect, or exceed `limits`.
-    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
+    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &WireLimits) -> Result<Self, SigError> {
         const WHAT: &str = "a matrix";
         let Some([list, three, row_tag, rows, column_tag, columns]) = ints(bytes, 0) else {
             let (needed, given) = (MATRIX_HEADER_BYTES, bytes.len());
@@ -177,7 +177,7 @@ fn numbers<T: Number>(
     bytes: &[u8],
     start: usize,
     dialect: Dialect,
-    limits: &Limits,
+    limits: &WireLimits,
 ) -> Result<Vec<T>, SigError> {
     let given = bytes.len();
     let header = start + VECTOR_HEADER_BYTES;

@@ -55,11 +55,6 @@ pub fn done(sentence: impl Into<String>) -> Bottle {
     result(0, sentence.into())
 }
 
-/// An output was made.
-pub fn added(from: &str, to: &str) -> String {
-    format!("Added connection from {from} to {to}")
-}
-
 /// An output was taken away.
 pub fn removed(from: &str, to: &str) -> String {
     format!("Removed connection from {from} to {to}")
@@ -75,24 +70,9 @@ pub fn no_output(name: &str) -> String {
     format!("Could not find an outgoing connection to {name}")
 }
 
-/// There is no such input.
-pub fn no_input(name: &str) -> String {
-    format!("Could not find an incoming connection from {name}")
-}
-
-/// The destination is not known.
-pub fn unknown_destination(destination: &str) -> String {
-    format!("Do not know how to connect to {destination}")
-}
-
 /// The destination cannot be reached.
 pub fn unreachable_destination(destination: &str) -> String {
     format!("Cannot connect to {destination}")
-}
-
-/// The destination is not connected so.
-pub fn refused_destination(destination: &str, reason: &dyn std::fmt::Display) -> String {
-    format!("{}: {reason}", unreachable_destination(destination))
 }
 
 /// The port takes data only.

@@ -7,73 +7,55 @@
 //!
 //! A message that cannot be read ends the connection, because nothing tells where the next one begins.
 
-use bytes::{Buf as _, BytesMut};
+use bytes::BytesMut;
 
-use super::command::{Body, Command, Incoming};
-use super::message::{COMMAND, MAX_COMMAND_TEXT};
-use super::{Fault, Step, take};
+use super::command::{Body, COMMAND, Command, CommandReader, Incoming, NoCommand};
+use super::{Fault, Progress, take};
 use crate::bottle::{BottleScan, Frame};
-use crate::{Dialect, Limits};
+use crate::{Dialect, WireLimits};
 
 /// The acknowledgement of a message.
 pub const ACK: [u8; 4] = *b"ACK\0";
 
 #[derive(Debug, Clone)]
-enum State {
-    Command,
-    Text { scanned: usize },
+enum BareState {
+    Command(CommandReader),
     PortPayload { command: Command, scan: Box<BottleScan> },
 }
 
 /// Reads messages off a stream.
 #[derive(Debug, Clone)]
 pub struct BareReader {
-    state: State,
+    state: BareState,
     dialect: Dialect,
-    limits: Limits,
+    limits: WireLimits,
 }
 
 impl BareReader {
     /// A reader of payloads in `dialect`, or the other one once its codes show, that refuses what exceeds `limits`.
-    pub fn new(dialect: Dialect, limits: &Limits) -> Self {
-        Self { state: State::Command, dialect, limits: limits.clone() }
+    pub fn new(dialect: Dialect, limits: &WireLimits) -> Self {
+        Self {
+            state: BareState::Command(CommandReader::default()),
+            dialect,
+            limits: limits.clone(),
+        }
     }
 
     /// Reads on.
     ///
     /// # Errors
     /// A [`Fault`] after which nothing on this stream can be trusted.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Incoming>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Incoming>, Fault> {
         loop {
+            // Nothing tells where the message ends.
+            let mut left = usize::MAX;
             let command = match &mut self.state {
-                State::Command => {
-                    let Some(bytes) = take(buffer, COMMAND) else {
-                        return Ok(Step::Need(COMMAND - buffer.len()));
-                    };
-                    match bytes.get(4..6) {
-                        Some(&[b'~', 0]) => {
-                            self.state = State::Text { scanned: 0 };
-                            continue;
-                        }
-                        Some(&[b'~', key]) => Command::from_key(key),
-                        _ => return Err(Fault::BadCommand(COMMAND)),
-                    }
-                }
-                State::Text { scanned } => {
-                    let within = buffer.len().min(MAX_COMMAND_TEXT);
-                    let fresh = buffer.get(*scanned..within).unwrap_or_default();
-                    let Some(at) = fresh.iter().position(|&byte| byte == 0) else {
-                        if within == MAX_COMMAND_TEXT {
-                            return Err(Fault::BadCommand(COMMAND + within));
-                        }
-                        *scanned = within;
-                        return Ok(Step::Need(1));
-                    };
-                    let line = buffer.split_to(*scanned + at).freeze();
-                    buffer.advance(1);
-                    Command::from_text(&line)
-                }
-                State::PortPayload { command, scan } => {
+                BareState::Command(reader) => match reader.poll(buffer, &mut left) {
+                    Ok(Progress::Event(command)) => command,
+                    Ok(Progress::Need(more)) => return Ok(Progress::Need(more)),
+                    Err(NoCommand) => return Err(Fault::BadCommand(COMMAND)),
+                },
+                BareState::PortPayload { command, scan } => {
                     let found = match scan.advance(buffer) {
                         Ok(found) => found,
                         // A code that one dialect lacks shows that the sender speaks the other.
@@ -89,21 +71,21 @@ impl BareReader {
                     };
                     let size = match found {
                         Frame::Complete(size) => size,
-                        Frame::NeedMore(more) => return Ok(Step::Need(more.max(1))),
+                        Frame::NeedMore(more) => return Ok(Progress::Need(more.max(1))),
                     };
                     let command = std::mem::replace(command, Command::Quit);
-                    self.state = State::Command;
+                    self.state = BareState::Command(CommandReader::default());
                     let body = Body::Binary(buffer.split_to(size).freeze());
-                    return Ok(Step::Event(Incoming { command, body }));
+                    return Ok(Progress::Event(Incoming { command, body }));
                 }
             };
             if !command.has_payload() {
-                self.state = State::Command;
+                self.state = BareState::Command(CommandReader::default());
                 let body = Body::Binary(bytes::Bytes::new());
-                return Ok(Step::Event(Incoming { command, body }));
+                return Ok(Progress::Event(Incoming { command, body }));
             }
             let scan = Box::new(BottleScan::new(self.dialect, &self.limits));
-            self.state = State::PortPayload { command, scan };
+            self.state = BareState::PortPayload { command, scan };
         }
     }
 
@@ -111,9 +93,8 @@ impl BareReader {
     #[must_use]
     pub fn end(&self, rest: usize) -> Option<Fault> {
         match &self.state {
-            State::Command if rest == 0 => None,
-            State::Command => Some(Fault::Truncated(COMMAND.saturating_sub(rest))),
-            State::Text { .. } | State::PortPayload { .. } => Some(Fault::Truncated(1)),
+            BareState::Command(reader) => reader.missing(rest).map(Fault::Truncated),
+            BareState::PortPayload { .. } => Some(Fault::Truncated(1)),
         }
     }
 }
@@ -129,13 +110,13 @@ pub fn head(command: &Command) -> Vec<u8> {
 ///
 /// # Errors
 /// When something else stands there.
-pub fn read_ack(buffer: &mut BytesMut) -> Result<Step<()>, Fault> {
+pub fn read_ack(buffer: &mut BytesMut) -> Result<Progress<()>, Fault> {
     match take(buffer, ACK.len()) {
-        Some(bytes) if bytes[..] == ACK => Ok(Step::Event(())),
+        Some(bytes) if bytes[..] == ACK => Ok(Progress::Event(())),
         Some(bytes) => {
             Err(Fault::BadPayload(format!("{:?} stands where an acknowledgement must", &bytes[..])))
         }
-        None => Ok(Step::Need(ACK.len() - buffer.len())),
+        None => Ok(Progress::Need(ACK.len() - buffer.len())),
     }
 }
 
@@ -143,13 +124,14 @@ pub fn read_ack(buffer: &mut BytesMut) -> Result<Step<()>, Fault> {
 mod tests {
     use super::*;
     use crate::Bottle;
+    use crate::wire::message::MAX_COMMAND_TEXT;
 
     fn read(bytes: &[u8], piece: usize) -> Result<Vec<Incoming>, Fault> {
-        let mut reader = BareReader::new(Dialect::V3, &Limits::default());
+        let mut reader = BareReader::new(Dialect::V3, &WireLimits::default());
         let (mut buffer, mut found) = (BytesMut::new(), Vec::new());
         for piece in bytes.chunks(piece) {
             buffer.extend_from_slice(piece);
-            while let Step::Event(incoming) = reader.poll(&mut buffer)? {
+            while let Progress::Event(incoming) = reader.poll(&mut buffer)? {
                 found.push(incoming);
             }
         }
@@ -175,7 +157,7 @@ mod tests {
         }
         let commands: Vec<&Command> = whole.iter().map(|incoming| &incoming.command).collect();
         assert_eq!(commands, [&data("").0, &data("").0, &Command::Quit]);
-        let second = whole[1].body.bottle(Dialect::V3, &Limits::default()).unwrap();
+        let second = whole[1].body.bottle(Dialect::V3, &WireLimits::default()).unwrap();
         assert_eq!(second, data("two").1);
     }
 

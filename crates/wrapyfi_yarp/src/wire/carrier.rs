@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::Sender;
+use super::{Sender, bare, number};
 
 /// Carrier of a connection's messages (protocol section 2).
 #[derive(
@@ -67,9 +67,14 @@ impl Carrier {
         matches!(self, Self::Text | Self::TextAck)
     }
 
-    /// True when each message is answered by an acknowledgement.
-    pub const fn acknowledges(self) -> bool {
-        matches!(self, Self::Tcp | Self::TextAck | Self::UnixStreamAck)
+    /// The acknowledgement of a message; empty where there is none.
+    pub const fn ack(self) -> &'static [u8] {
+        match self {
+            Self::Tcp => &number::ACK,
+            Self::TextAck => b"<ACK>\r\n",
+            Self::UnixStreamAck => &bare::ACK,
+            _ => &[],
+        }
     }
 
     /// True when messages go in datagrams, after a TCP connection that only set this up.

@@ -6,10 +6,11 @@
 //!   text     "D 42 1700000000.5" \r\n
 //! ```
 
-use bytes::Bytes;
+use bytes::{Buf as _, Bytes, BytesMut};
 
+use super::{Progress, take};
 use crate::bottle::BottleError;
-use crate::{Bottle, Dialect, Limits};
+use crate::{Bottle, Dialect, WireLimits};
 
 /// A command, without its payload.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -126,6 +127,65 @@ fn envelope(line: &Bytes) -> Option<Bytes> {
     (end > 0).then(|| line.slice(2..2 + end))
 }
 
+/// A command without text.
+pub(super) const COMMAND: usize = 8;
+/// Longest text of a command: an envelope or a name with their key.
+pub const MAX_COMMAND_TEXT: usize = 64 * 1024;
+
+/// Reads the command in front of a binary payload.
+#[derive(Debug, Clone, Default)]
+pub(super) struct CommandReader {
+    /// Bytes of its text that were looked at; `None` before the text.
+    scanned: Option<usize>,
+}
+
+/// The bytes begin no command.
+#[derive(Debug)]
+pub(super) struct NoCommand;
+
+impl CommandReader {
+    /// Reads on, at most `left` bytes, from which those are taken off that were read.
+    pub(super) fn poll(
+        &mut self,
+        buffer: &mut BytesMut,
+        left: &mut usize,
+    ) -> Result<Progress<Command>, NoCommand> {
+        let scanned = match self.scanned {
+            Some(scanned) => scanned,
+            None => {
+                let Some(bytes) = take(buffer, COMMAND) else {
+                    return Ok(Progress::Need(COMMAND - buffer.len()));
+                };
+                *left = left.saturating_sub(COMMAND);
+                match bytes.get(4..6) {
+                    Some(&[b'~', 0]) => 0,
+                    Some(&[b'~', key]) => return Ok(Progress::Event(Command::from_key(key))),
+                    _ => return Err(NoCommand),
+                }
+            }
+        };
+        let most = (*left).min(MAX_COMMAND_TEXT);
+        let within = buffer.len().min(most);
+        let fresh = buffer.get(scanned..within).unwrap_or_default();
+        let Some(at) = fresh.iter().position(|&byte| byte == 0) else {
+            self.scanned = Some(within);
+            return if within == most { Err(NoCommand) } else { Ok(Progress::Need(1)) };
+        };
+        let line = buffer.split_to(scanned + at).freeze();
+        buffer.advance(1);
+        *left = left.saturating_sub(line.len() + 1);
+        Ok(Progress::Event(Command::from_text(&line)))
+    }
+
+    /// Least number of bytes that are missing where the stream ends with `rest` unread; `None` before a command.
+    pub(super) fn missing(&self, rest: usize) -> Option<usize> {
+        match self.scanned {
+            Some(_) => Some(1),
+            None => (rest > 0).then(|| COMMAND.saturating_sub(rest)),
+        }
+    }
+}
+
 /// The payload of a message, in the form it came in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Body {
@@ -133,6 +193,8 @@ pub enum Body {
     Binary(Bytes),
     /// A bottle as text.
     Text(Bytes),
+    /// A JPEG file.
+    File(Bytes),
 }
 
 impl Body {
@@ -140,9 +202,11 @@ impl Body {
     ///
     /// # Errors
     /// When it is none, or exceeds a limit.
-    pub fn bottle(&self, dialect: Dialect, limits: &Limits) -> Result<Bottle, BottleError> {
+    pub fn bottle(&self, dialect: Dialect, limits: &WireLimits) -> Result<Bottle, BottleError> {
         match self {
-            Self::Binary(bytes) => Ok(Bottle::decode(bytes, dialect, limits)?.0),
+            Self::Binary(bytes) | Self::File(bytes) => {
+                Ok(Bottle::decode(bytes, dialect, limits)?.0)
+            }
             Self::Text(text) => Bottle::from_text_as(text, dialect, limits),
         }
     }
@@ -150,7 +214,7 @@ impl Body {
     /// Size in bytes, as it came.
     pub fn len(&self) -> usize {
         match self {
-            Self::Binary(bytes) | Self::Text(bytes) => bytes.len(),
+            Self::Binary(bytes) | Self::Text(bytes) | Self::File(bytes) => bytes.len(),
         }
     }
 

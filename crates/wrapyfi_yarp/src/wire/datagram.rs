@@ -9,8 +9,8 @@ use bytes::BytesMut;
 
 use super::command::Incoming;
 use super::message::{Found, MessageReader};
-use super::{Fault, Step, i32_at};
-use crate::Limits;
+use super::{Fault, Progress, i32_at};
+use crate::WireLimits;
 
 /// Bytes in front of the content.
 pub const PREFIX: usize = 8;
@@ -72,7 +72,7 @@ pub fn split(head: &[u8], payload: &[u8], largest: usize) -> Vec<Vec<u8>> {
 /// Puts messages together again.
 #[derive(Debug, Clone)]
 pub struct Assembler {
-    limits: Limits,
+    limits: WireLimits,
     /// Counter that is due; 0 while no message is open.
     due: i32,
     reader: MessageReader,
@@ -81,7 +81,7 @@ pub struct Assembler {
 
 impl Assembler {
     /// An assembler that refuses messages beyond `limits`.
-    pub fn new(limits: &Limits) -> Self {
+    pub fn new(limits: &WireLimits) -> Self {
         let (reader, limits) = (MessageReader::new(limits), limits.clone());
         Self { limits, due: 0, reader, stream: BytesMut::new() }
     }
@@ -113,17 +113,17 @@ impl Assembler {
         self.stream.extend_from_slice(content);
         self.due = counter.wrapping_add(1);
         match self.reader.poll(&mut self.stream) {
-            Ok(Step::Need(more)) => {
+            Ok(Progress::Need(more)) => {
                 self.stream.reserve(more.min(self.limits.max_message_bytes));
                 // A new message always begins a new one, so an unfinished one was cut short.
                 let lost = Fault::LostDatagram { expected: due, found: 0 };
                 if counter == 0 && due != 0 { Err(lost) } else { Ok(None) }
             }
-            Ok(Step::Event(Found::Message(message))) => {
+            Ok(Progress::Event(Found::Message(message))) => {
                 self.restart();
                 Ok(Some(message))
             }
-            Ok(Step::Event(Found::Left(fault))) | Err(fault) => {
+            Ok(Progress::Event(Found::Left(fault))) | Err(fault) => {
                 self.restart();
                 Err(fault)
             }
@@ -165,7 +165,7 @@ mod tests {
         let (head, command) = message(&payload);
         let datagrams = split(&head, &payload, 50);
         assert!(datagrams.iter().all(|datagram| datagram.len() <= 50));
-        let mut assembler = Assembler::new(&Limits::default());
+        let mut assembler = Assembler::new(&WireLimits::default());
         for _ in 0..2 {
             let mut whole = None;
             for datagram in &datagrams {
@@ -181,7 +181,7 @@ mod tests {
     fn a_missing_datagram_loses_one_message() {
         let (head, _) = message(&[7; 100]);
         let datagrams = split(&head, &[7; 100], 40);
-        let mut assembler = Assembler::new(&Limits::default());
+        let mut assembler = Assembler::new(&WireLimits::default());
         assert_eq!(assembler.push(&datagrams[0]), Ok(None));
         let lost = Fault::LostDatagram { expected: 1, found: 2 };
         assert_eq!(assembler.push(&datagrams[2]), Err(lost));
@@ -203,6 +203,6 @@ mod tests {
         assert_eq!(open(&[1, 2, 3]), Err(Fault::BadDatagram(3)));
         let wake = seal(-1, &[0; 10]);
         assert_eq!(wake[..8], [0x76, 0x68, 0x8a, 0xe3, 0xff, 0xff, 0xff, 0xff]);
-        assert_eq!(Assembler::new(&Limits::default()).push(&wake), Ok(None));
+        assert_eq!(Assembler::new(&WireLimits::default()).push(&wake), Ok(None));
     }
 }

@@ -15,8 +15,8 @@ use bytes::{Bytes, BytesMut};
 
 use super::http::{self, HttpRequest};
 use super::text::{self, Lines};
-use super::{Carrier, Fault, Sender, Step, i32_at, number};
-use crate::Limits;
+use super::{Carrier, Fault, Progress, Sender, i32_at, number};
+use crate::WireLimits;
 
 /// Added to the specifier of a binary carrier.
 const BASE: i32 = 7777;
@@ -45,15 +45,15 @@ pub enum Opening {
 }
 
 impl Opening {
-    /// Reads the beginning of a connection that somebody opened to us; what it leaves in the buffer
+    /// Reads the beginning of a connection that a program opened to us; what it leaves in the buffer
     /// are messages.
     ///
     /// # Errors
     /// A [`Fault`] when the bytes begin no carrier, or exceed `limits`. For an unknown header there
     /// is a text to send before closing: [`UNKNOWN_HEADER_HELP`].
-    pub fn poll(buffer: &mut BytesMut, limits: &Limits) -> Result<Step<Self>, Fault> {
+    pub fn poll(buffer: &mut BytesMut, limits: &WireLimits) -> Result<Progress<Self>, Fault> {
         let Some(magic) = buffer.get(..MAGIC) else {
-            return Ok(Step::Need(MAGIC - buffer.len()));
+            return Ok(Progress::Need(MAGIC - buffer.len()));
         };
         match magic {
             b"CONNECT " => Self::text(buffer, Carrier::Text, limits),
@@ -79,10 +79,10 @@ impl Opening {
     fn binary(
         buffer: &mut BytesMut,
         carrier: Carrier,
-        limits: &Limits,
-    ) -> Result<Step<Self>, Fault> {
+        limits: &WireLimits,
+    ) -> Result<Progress<Self>, Fault> {
         let Some(length) = i32_at(buffer, MAGIC) else {
-            return Ok(Step::Need(MAGIC + 4 - buffer.len()));
+            return Ok(Progress::Need(MAGIC + 4 - buffer.len()));
         };
         let limit = limits.max_name_bytes + 1;
         let allowed = usize::try_from(length).ok().filter(|length| (1..=limit).contains(length));
@@ -90,7 +90,7 @@ impl Opening {
         let start = MAGIC + 4;
         let end = start + length + if carrier == Carrier::Mcast { GROUP } else { 0 };
         if buffer.len() < end {
-            return Ok(Step::Need(end - buffer.len()));
+            return Ok(Progress::Need(end - buffer.len()));
         }
         let head = buffer.split_to(end);
         let name = head.get(start..start + length).unwrap_or_default();
@@ -101,10 +101,14 @@ impl Opening {
             }
             _ => None,
         };
-        Ok(Step::Event(Self::Messages { carrier, sender: Sender::parse(name), group }))
+        Ok(Progress::Event(Self::Messages { carrier, sender: Sender::parse(name), group }))
     }
 
-    fn text(buffer: &mut BytesMut, carrier: Carrier, limits: &Limits) -> Result<Step<Self>, Fault> {
+    fn text(
+        buffer: &mut BytesMut,
+        carrier: Carrier,
+        limits: &WireLimits,
+    ) -> Result<Progress<Self>, Fault> {
         let limit = limits.max_name_bytes + MAGIC;
         let too_long = |length| {
             let length = i64::try_from(length).unwrap_or(i64::MAX);
@@ -114,7 +118,7 @@ impl Opening {
             return match buffer.len() {
                 // The line's end may have two bytes.
                 length if length > limit + 2 => Err(too_long(length - MAGIC)),
-                _ => Ok(Step::Need(1)),
+                _ => Ok(Progress::Need(1)),
             };
         };
         let line = text::cut_line(buffer, end);
@@ -122,7 +126,7 @@ impl Opening {
             return Err(too_long(line.len() - MAGIC));
         }
         let sender = Sender::parse(line.get(MAGIC..).unwrap_or_default());
-        Ok(Step::Event(Self::Messages { carrier, sender, group: None }))
+        Ok(Progress::Event(Self::Messages { carrier, sender, group: None }))
     }
 }
 
@@ -147,7 +151,7 @@ fn binary(specifier: i32) -> Option<Result<Carrier, Fault>> {
 ///
 /// # Errors
 /// When the name with its qualifiers is longer than receivers read.
-pub fn encode(carrier: Carrier, sender: &Sender, limits: &Limits) -> Result<Vec<u8>, Fault> {
+pub fn encode(carrier: Carrier, sender: &Sender, limits: &WireLimits) -> Result<Vec<u8>, Fault> {
     let name = sender.to_string();
     let limit = limits.max_name_bytes;
     let length = name.len() + 1;
@@ -200,16 +204,16 @@ pub fn answer(carrier: Carrier, sender: &Sender, port: u16) -> Vec<u8> {
 pub fn read_answer(
     carrier: Carrier,
     buffer: &mut BytesMut,
-    limits: &Limits,
-) -> Result<Step<i32>, Fault> {
+    limits: &WireLimits,
+) -> Result<Progress<i32>, Fault> {
     match carrier {
         Carrier::Mcast | Carrier::Mjpeg | Carrier::UnixStream | Carrier::UnixStreamAck => {
-            Ok(Step::Event(0))
+            Ok(Progress::Event(0))
         }
         Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => {
             Ok(match super::take(buffer, number::SIZE) {
-                Some(bytes) => Step::Event(number::decode(&bytes).unwrap_or(0)),
-                None => Step::Need(number::SIZE - buffer.len()),
+                Some(bytes) => Progress::Event(number::decode(&bytes).unwrap_or(0)),
+                None => Progress::Need(number::SIZE - buffer.len()),
             })
         }
         Carrier::Text | Carrier::TextAck => Ok(Lines::new(limits).poll(buffer)?.map(|_welcome| 0)),

@@ -2,7 +2,7 @@
 
 use bytes::{Buf, Bytes, BytesMut};
 
-use super::{Fault, Step};
+use super::{Fault, Progress};
 
 /// Longest head of a request or an answer.
 pub const MAX_HEAD: usize = 16 * 1024;
@@ -26,7 +26,7 @@ impl HttpRequest {
 }
 
 /// The end of a head: where it ends, and where what follows begins.
-pub(super) fn head_end(bytes: &[u8]) -> Option<(usize, usize)> {
+fn head_end(bytes: &[u8]) -> Option<(usize, usize)> {
     let mut at = 0;
     // An empty line, however lines end: YARP's own requests mix both ways.
     while let Some(found) = bytes.get(at..)?.iter().position(|&byte| byte == b'\n') {
@@ -48,18 +48,21 @@ pub(super) fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     })
 }
 
-/// Takes a request off.
-pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<HttpRequest>, Fault> {
-    let Some((end, next)) = head_end(buffer) else {
-        return match buffer.len() > MAX_HEAD {
-            true => Err(Fault::LineTooLong(MAX_HEAD)),
-            false => Ok(Step::Need(1)),
-        };
-    };
-    if end > MAX_HEAD {
-        return Err(Fault::LineTooLong(MAX_HEAD));
+/// The head at the start of `buffer`, and where what follows it begins; none where it is incomplete.
+pub(super) fn head(buffer: &[u8]) -> Result<Option<(String, usize)>, Fault> {
+    match head_end(buffer) {
+        Some((end, next)) if end <= MAX_HEAD => {
+            let head = buffer.get(..end).unwrap_or_default();
+            Ok(Some((String::from_utf8_lossy(head).into_owned(), next)))
+        }
+        None if buffer.len() <= MAX_HEAD => Ok(None),
+        _ => Err(Fault::LineTooLong(MAX_HEAD)),
     }
-    let head = String::from_utf8_lossy(buffer.get(..end).unwrap_or_default()).into_owned();
+}
+
+/// Takes a request off.
+pub(super) fn request(buffer: &mut BytesMut) -> Result<Progress<HttpRequest>, Fault> {
+    let Some((head, next)) = head(buffer)? else { return Ok(Progress::Need(1)) };
     let length = header(&head, "content-length").unwrap_or("0");
     let length: usize = length
         .parse()
@@ -68,13 +71,13 @@ pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<HttpRequest>, Fault>
         return Err(Fault::MessageTooLarge { size: length, limit: MAX_BODY });
     }
     if buffer.len() < next + length {
-        return Ok(Step::Need(next + length - buffer.len()));
+        return Ok(Progress::Need(next + length - buffer.len()));
     }
     buffer.advance(next);
     let body = buffer.split_to(length).freeze();
     let mut words = head.lines().next().unwrap_or_default().split_whitespace();
     let path = words.nth(1).unwrap_or_default().to_owned();
-    Ok(Step::Event(HttpRequest { path, body }))
+    Ok(Progress::Event(HttpRequest { path, body }))
 }
 
 /// An answer with a page, after which the connection closes.
@@ -85,6 +88,22 @@ pub fn page(body: &str) -> Vec<u8> {
          Connection: close\r\n\r\n{body}"
     )
     .into_bytes()
+}
+
+/// Text that a browser shows as it is, wherever it stands.
+pub(crate) fn escape(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            '\'' => safe.push_str("&#39;"),
+            other => safe.push(other),
+        }
+    }
+    safe
 }
 
 /// An answer that refuses a stream of pictures, after which the connection closes.
@@ -101,7 +120,7 @@ pub fn not_acceptable(reason: &str) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> (Result<Step<HttpRequest>, Fault>, usize) {
+    fn read(text: &str) -> (Result<Progress<HttpRequest>, Fault>, usize) {
         let mut buffer = BytesMut::from(text);
         (request(&mut buffer), buffer.len())
     }
@@ -109,13 +128,13 @@ mod tests {
     #[test]
     fn requests_end_with_an_empty_line() {
         let (found, rest) = read("GET /?action=stream\n\n HTTP/1.1\nHost: x\r\n\n");
-        let Ok(Step::Event(request)) = found else { panic!("{found:?}") };
+        let Ok(Progress::Event(request)) = found else { panic!("{found:?}") };
         assert!(request.wants_stream());
         assert_eq!(rest, 20, "what YARP writes behind its own first empty line");
         let (found, _) = read("POST /form HTTP/1.1\r\ncontent-length: 6\r\n\r\ndata=1");
-        let Ok(Step::Event(request)) = found else { panic!("{found:?}") };
+        let Ok(Progress::Event(request)) = found else { panic!("{found:?}") };
         assert_eq!((&*request.path, &request.body[..]), ("/form", &b"data=1"[..]));
-        assert_eq!(read("GET / HTTP/1.1\r\nHost: x\r\n").0, Ok(Step::Need(1)));
+        assert_eq!(read("GET / HTTP/1.1\r\nHost: x\r\n").0, Ok(Progress::Need(1)));
         assert!(read("POST /form HTTP/1.1\r\nContent-Length: 1e9\r\n\r\n").0.is_err());
         assert!(read("POST /form HTTP/1.1\r\nContent-Length: 100000\r\n\r\n").0.is_err());
     }

@@ -10,18 +10,15 @@
 
 use bytes::{Buf, Bytes, BytesMut};
 
-use super::command::{Body, Command, Incoming};
-use super::{Fault, Step, i32_at, number, take};
-use crate::Limits;
+pub use super::command::MAX_COMMAND_TEXT;
+use super::command::{Body, COMMAND, Command, CommandReader, Incoming, NoCommand};
+use super::{Fault, Progress, i32_at, number, take};
+use crate::WireLimits;
 
 /// Value of the number that begins an index: the bytes of its head.
 const INDEX: i32 = 10;
 /// Number and head of an index.
 const HEAD: usize = number::SIZE + 10;
-/// A command without text.
-pub(super) const COMMAND: usize = 8;
-/// Longest text of a command: an envelope or a name with their key.
-pub const MAX_COMMAND_TEXT: usize = 64 * 1024;
 /// Bytes without an index after which a peer is given up.
 pub const MAX_STRAY_BYTES: usize = 1 << 20;
 
@@ -35,29 +32,17 @@ pub enum Found {
 }
 
 #[derive(Debug, Clone)]
-enum State {
+enum MessageState {
     Index,
-    /// Inside the head: blocks of lengths follow.
-    Command {
-        left: usize,
-    },
-    Text {
-        left: usize,
-        scanned: usize,
-    },
-    PortPayload {
-        command: Command,
-        left: usize,
-    },
-    Skip {
-        left: usize,
-    },
+    Command { reader: CommandReader, left: usize },
+    PortPayload { command: Command, left: usize },
+    Skip { left: usize },
 }
 
 /// Reads messages off a stream.
 #[derive(Debug, Clone)]
 pub struct MessageReader {
-    state: State,
+    state: MessageState,
     max_message_bytes: usize,
     /// Bytes left out since the last index.
     stray: usize,
@@ -65,20 +50,20 @@ pub struct MessageReader {
 
 impl MessageReader {
     /// A reader that refuses messages beyond `limits`.
-    pub fn new(limits: &Limits) -> Self {
-        Self { state: State::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
+    pub fn new(limits: &WireLimits) -> Self {
+        Self { state: MessageState::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
     }
 
     /// Reads on.
     ///
     /// # Errors
     /// A [`Fault`] after which nothing on this stream can be trusted.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Found>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Found>, Fault> {
         loop {
             match &mut self.state {
-                State::Index => {
+                MessageState::Index => {
                     if buffer.len() < number::SIZE {
-                        return Ok(Step::Need(number::SIZE - buffer.len()));
+                        return Ok(Progress::Need(number::SIZE - buffer.len()));
                     }
                     if number::decode(buffer) != Some(INDEX) {
                         // As YARP: numbers that are none are passed over, eight bytes at a time.
@@ -90,89 +75,62 @@ impl MessageReader {
                         continue;
                     }
                     let Some(total) = index(buffer, self.max_message_bytes)? else {
-                        return Ok(Step::Need(missing(buffer)));
+                        return Ok(Progress::Need(missing(buffer)));
                     };
                     let stray = std::mem::take(&mut self.stray);
                     self.state = match total {
-                        0..COMMAND => State::Skip { left: total },
-                        left => State::Command { left },
+                        0..COMMAND => MessageState::Skip { left: total },
+                        left => MessageState::Command { reader: CommandReader::default(), left },
                     };
                     if stray > 0 {
-                        return Ok(Step::Event(Found::Left(Fault::NoIndex(stray))));
+                        return Ok(Progress::Event(Found::Left(Fault::NoIndex(stray))));
                     }
                     if total < COMMAND {
-                        return Ok(Step::Event(Found::Left(Fault::BadCommand(total))));
+                        return Ok(Progress::Event(Found::Left(Fault::BadCommand(total))));
                     }
                 }
-                State::Command { left } => {
-                    let total = *left;
-                    let Some(bytes) = take(buffer, COMMAND) else {
-                        return Ok(Step::Need(COMMAND - buffer.len()));
-                    };
-                    let left = total - COMMAND;
-                    match bytes.get(4..6) {
-                        Some(&[b'~', 0]) => self.state = State::Text { left, scanned: 0 },
-                        Some(&[b'~', key]) => self.follow(Command::from_key(key), left),
-                        _ => {
-                            self.state = State::Skip { left };
-                            return Ok(Step::Event(Found::Left(Fault::BadCommand(total))));
-                        }
+                MessageState::Command { reader, left } => match reader.poll(buffer, left) {
+                    Ok(Progress::Event(command)) => {
+                        self.state = MessageState::PortPayload { command, left: *left };
                     }
-                }
-                State::Text { left, scanned } => {
-                    let within = buffer.len().min(*left).min(MAX_COMMAND_TEXT);
-                    let fresh = buffer.get(*scanned..within).unwrap_or_default();
-                    if let Some(at) = fresh.iter().position(|&byte| byte == 0) {
-                        let end = *scanned + at;
-                        let left = *left - end - 1;
-                        let line = buffer.split_to(end).freeze();
-                        buffer.advance(1);
-                        self.follow(Command::from_text(&line), left);
-                    } else if within == (*left).min(MAX_COMMAND_TEXT) {
+                    Ok(Progress::Need(more)) => return Ok(Progress::Need(more)),
+                    Err(NoCommand) => {
                         let left = *left;
-                        self.state = State::Skip { left };
-                        return Ok(Step::Event(Found::Left(Fault::BadCommand(left + COMMAND))));
-                    } else {
-                        *scanned = within;
-                        return Ok(Step::Need(1));
+                        self.state = MessageState::Skip { left };
+                        return Ok(Progress::Event(Found::Left(Fault::BadCommand(left + COMMAND))));
                     }
-                }
-                State::PortPayload { command, left } => {
+                },
+                MessageState::PortPayload { command, left } => {
                     let Some(bytes) = take(buffer, *left) else {
-                        return Ok(Step::Need(*left - buffer.len()));
+                        return Ok(Progress::Need(*left - buffer.len()));
                     };
                     let command = std::mem::replace(command, Command::Quit);
-                    self.state = State::Index;
+                    self.state = MessageState::Index;
                     let body = Body::Binary(bytes.freeze());
-                    return Ok(Step::Event(Found::Message(Incoming { command, body })));
+                    return Ok(Progress::Event(Found::Message(Incoming { command, body })));
                 }
-                State::Skip { left } => {
+                MessageState::Skip { left } => {
                     let skipped = (*left).min(buffer.len());
                     buffer.advance(skipped);
                     *left -= skipped;
                     if *left > 0 {
-                        return Ok(Step::Need(*left));
+                        return Ok(Progress::Need(*left));
                     }
-                    self.state = State::Index;
+                    self.state = MessageState::Index;
                 }
             }
         }
-    }
-
-    fn follow(&mut self, command: Command, left: usize) {
-        self.state = State::PortPayload { command, left };
     }
 
     /// Fault of a stream that ends here with `rest` bytes unread; `None` where it may end.
     #[must_use]
     pub fn end(&self, rest: usize) -> Option<Fault> {
         match &self.state {
-            State::Index if rest == 0 && self.stray == 0 => None,
-            State::Index => Some(Fault::NoIndex(self.stray + rest)),
-            State::Command { left }
-            | State::Text { left, .. }
-            | State::PortPayload { left, .. }
-            | State::Skip { left } => Some(Fault::Truncated(left.saturating_sub(rest))),
+            MessageState::Index if rest == 0 && self.stray == 0 => None,
+            MessageState::Index => Some(Fault::NoIndex(self.stray + rest)),
+            MessageState::Command { left, .. }
+            | MessageState::PortPayload { left, .. }
+            | MessageState::Skip { left } => Some(Fault::Truncated(left.saturating_sub(rest))),
         }
     }
 }
@@ -247,9 +205,9 @@ pub fn quit() -> Vec<u8> {
 ///
 /// # Errors
 /// When something else stands there: 8 bytes that are no number, or a negative one.
-pub fn read_ack(buffer: &mut BytesMut) -> Result<Step<()>, Fault> {
+pub fn read_ack(buffer: &mut BytesMut) -> Result<Progress<()>, Fault> {
     if buffer.len() < number::SIZE {
-        return Ok(Step::Need(number::SIZE - buffer.len()));
+        return Ok(Progress::Need(number::SIZE - buffer.len()));
     }
     let value = number::decode(buffer).unwrap_or(-1);
     let behind = usize::try_from(value).map_err(|_negative| Fault::NegativeLength(value))?;
@@ -258,8 +216,8 @@ pub fn read_ack(buffer: &mut BytesMut) -> Result<Step<()>, Fault> {
         return Err(Fault::MessageTooLarge { size: behind, limit: MAX_COMMAND_TEXT });
     }
     Ok(match take(buffer, size) {
-        Some(_) => Step::Event(()),
-        None => Step::Need(size - buffer.len()),
+        Some(_) => Progress::Event(()),
+        None => Progress::Need(size - buffer.len()),
     })
 }
 

@@ -9,9 +9,9 @@
 
 use bytes::{Buf, Bytes, BytesMut};
 
-use super::http::{MAX_HEAD, head_end, header};
-use super::{Fault, Step, take};
-use crate::Limits;
+use super::http::{head, header};
+use super::{Fault, Progress, take};
+use crate::WireLimits;
 
 /// Request for the pictures of a port. The odd ends of lines are those of YARP.
 pub fn request(host: &str) -> Vec<u8> {
@@ -49,7 +49,7 @@ pub struct Picture {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum State {
+enum MjpegState {
     Response,
     Part,
     Body(usize),
@@ -58,14 +58,14 @@ enum State {
 /// Reads the pictures off the answer.
 #[derive(Debug, Clone)]
 pub struct MjpegReader {
-    state: State,
+    state: MjpegState,
     max_message_bytes: usize,
 }
 
 impl MjpegReader {
-    /// A reader that refuses pictures beyond [`Limits::max_message_bytes`].
-    pub fn new(limits: &Limits) -> Self {
-        Self { state: State::Response, max_message_bytes: limits.max_message_bytes }
+    /// A reader that refuses pictures beyond [`WireLimits::max_message_bytes`].
+    pub fn new(limits: &WireLimits) -> Self {
+        Self { state: MjpegState::Response, max_message_bytes: limits.max_message_bytes }
     }
 
     /// Reads the head of the answer; true where it is complete and pictures follow.
@@ -73,10 +73,11 @@ impl MjpegReader {
     /// # Errors
     /// When the answer is not a stream of pictures.
     pub fn poll_answer(&mut self, buffer: &mut BytesMut) -> Result<bool, Fault> {
-        if !matches!(self.state, State::Response) {
+        if !matches!(self.state, MjpegState::Response) {
             return Ok(true);
         }
-        let Some(head) = head(buffer)? else { return Ok(false) };
+        let Some((head, next)) = head(buffer)? else { return Ok(false) };
+        buffer.advance(next);
         let status = head.lines().next().unwrap_or_default();
         if status.split_whitespace().nth(1) != Some("200") {
             return Err(Fault::BadHttp(format!("status line {status:?}")));
@@ -85,7 +86,7 @@ impl MjpegReader {
         if !kind.to_ascii_lowercase().starts_with("multipart/") {
             return Err(Fault::BadHttp(format!("Content-Type is {kind:?}")));
         }
-        self.state = State::Part;
+        self.state = MjpegState::Part;
         Ok(true)
     }
 
@@ -93,19 +94,20 @@ impl MjpegReader {
     ///
     /// # Errors
     /// When the answer is not a stream of pictures.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Picture>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Picture>, Fault> {
         loop {
             match self.state {
-                State::Response => {
+                MjpegState::Response => {
                     if !self.poll_answer(buffer)? {
-                        return Ok(Step::Need(1));
+                        return Ok(Progress::Need(1));
                     }
                 }
-                State::Part => {
+                MjpegState::Part => {
                     // Empty lines and the boundary stand in front of a part's own lines.
                     let blank = buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
                     buffer.advance(blank);
-                    let Some(head) = head(buffer)? else { return Ok(Step::Need(1)) };
+                    let Some((head, next)) = head(buffer)? else { return Ok(Progress::Need(1)) };
+                    buffer.advance(next);
                     let length = header(&head, "content-length");
                     let length = length.and_then(|length| length.parse::<usize>().ok());
                     let Some(length) = length else {
@@ -115,16 +117,16 @@ impl MjpegReader {
                     if length > limit {
                         return Err(Fault::MessageTooLarge { size: length, limit });
                     }
-                    self.state = State::Body(length);
+                    self.state = MjpegState::Body(length);
                 }
-                State::Body(length) => {
+                MjpegState::Body(length) => {
                     let Some(jpeg) = take(buffer, length) else {
-                        return Ok(Step::Need(length - buffer.len()));
+                        return Ok(Progress::Need(length - buffer.len()));
                     };
-                    self.state = State::Part;
+                    self.state = MjpegState::Part;
                     let jpeg = jpeg.freeze();
                     let envelope = comment(&jpeg);
-                    return Ok(Step::Event(Picture { jpeg, envelope }));
+                    return Ok(Progress::Event(Picture { jpeg, envelope }));
                 }
             }
         }
@@ -134,22 +136,10 @@ impl MjpegReader {
     #[must_use]
     pub fn end(&self, rest: usize) -> Option<Fault> {
         match self.state {
-            State::Part => None,
-            State::Response => Some(Fault::BadHttp("no complete head".to_owned())),
-            State::Body(length) => Some(Fault::Truncated(length.saturating_sub(rest))),
+            MjpegState::Part => None,
+            MjpegState::Response => Some(Fault::BadHttp("no complete head".to_owned())),
+            MjpegState::Body(length) => Some(Fault::Truncated(length.saturating_sub(rest))),
         }
-    }
-}
-
-/// Takes a head off, up to its empty line.
-fn head(buffer: &mut BytesMut) -> Result<Option<String>, Fault> {
-    match head_end(buffer) {
-        Some((end, next)) if end <= MAX_HEAD => {
-            let head = buffer.split_to(next);
-            Ok(Some(String::from_utf8_lossy(&head).into_owned()))
-        }
-        None if buffer.len() <= MAX_HEAD => Ok(None),
-        _ => Err(Fault::LineTooLong(MAX_HEAD)),
     }
 }
 
@@ -221,20 +211,20 @@ mod tests {
             buffer.extend_from_slice(&picture);
             buffer.extend_from_slice(PART_END);
         }
-        let mut reader = MjpegReader::new(&Limits::default());
+        let mut reader = MjpegReader::new(&WireLimits::default());
         for _ in 0..2 {
-            let Step::Event(found) = reader.poll(&mut buffer).unwrap() else { panic!() };
+            let Progress::Event(found) = reader.poll(&mut buffer).unwrap() else { panic!() };
             assert_eq!(found.jpeg, picture);
             assert_eq!(found.envelope.unwrap(), "7 0.25");
         }
-        assert!(matches!(reader.poll(&mut buffer), Ok(Step::Need(_))));
+        assert!(matches!(reader.poll(&mut buffer), Ok(Progress::Need(_))));
         assert_eq!(reader.end(0), None);
     }
 
     #[test]
     fn what_is_no_stream_is_said() {
         for text in ["HTTP/1.0 404 Not Found\r\n\r\n", "HTTP/1.0 200 OK\r\n\r\n", "x\n\n"] {
-            let mut reader = MjpegReader::new(&Limits::default());
+            let mut reader = MjpegReader::new(&WireLimits::default());
             assert!(reader.poll(&mut BytesMut::from(text)).is_err(), "{text}");
         }
     }

@@ -40,6 +40,6 @@ pub use command::{Body, Command, Incoming};
 pub use fault::Fault;
 pub use header::Opening;
 pub use sender::Sender;
-pub use step::Step;
+pub use step::Progress;
 
 use step::{i32_at, take};

@@ -35,7 +35,7 @@ impl Sender {
     /// Reads the name of a header; bytes that are no text are replaced.
     ///
     /// Whatever the bytes are, there is a result: a part that is no qualifier is left out, since
-    /// nobody could act on it.
+    /// no program could act on it.
     #[must_use]
     pub fn parse(text: &[u8]) -> Self {
         let text = String::from_utf8_lossy(text);

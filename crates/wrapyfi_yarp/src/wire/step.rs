@@ -2,18 +2,18 @@
 
 /// Result of a reader on the bytes that it has.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Step<T> {
+pub enum Progress<T> {
     /// Something is complete; its bytes are off the buffer.
     Event(T),
     /// Least number of further bytes that are needed, never 0.
     Need(usize),
 }
 
-impl<T> Step<T> {
-    pub(crate) fn map<U>(self, make: impl FnOnce(T) -> U) -> Step<U> {
+impl<T> Progress<T> {
+    pub(crate) fn map<U>(self, make: impl FnOnce(T) -> U) -> Progress<U> {
         match self {
-            Self::Event(event) => Step::Event(make(event)),
-            Self::Need(more) => Step::Need(more),
+            Self::Event(event) => Progress::Event(make(event)),
+            Self::Need(more) => Progress::Need(more),
         }
     }
 }

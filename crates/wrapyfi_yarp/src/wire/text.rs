@@ -9,8 +9,8 @@
 use bytes::{Buf, Bytes, BytesMut};
 
 use super::command::{Body, Command, Incoming};
-use super::{Fault, Step};
-use crate::Limits;
+use super::{Fault, Progress};
+use crate::WireLimits;
 
 /// The acknowledgement of a message on `text_ack`, without its line's end.
 pub const ACK: &[u8] = b"<ACK>";
@@ -72,8 +72,8 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// A reader of lines of up to [`Limits::max_line_bytes`].
-    pub fn new(limits: &Limits) -> Self {
+    /// A reader of lines of up to [`WireLimits::max_line_bytes`].
+    pub fn new(limits: &WireLimits) -> Self {
         Self { limit: limits.max_line_bytes, scanned: 0 }
     }
 
@@ -81,17 +81,17 @@ impl Lines {
     ///
     /// # Errors
     /// When it is too long.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Bytes>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Bytes>, Fault> {
         let fresh = buffer.get(self.scanned..).unwrap_or_default();
         let found = fresh.iter().position(|&byte| byte == b'\n');
         match found.map(|at| self.scanned + at) {
             Some(end) if end <= self.limit => {
                 self.scanned = 0;
-                Ok(Step::Event(cut_line(buffer, end)))
+                Ok(Progress::Event(cut_line(buffer, end)))
             }
             None if buffer.len() <= self.limit => {
                 self.scanned = buffer.len();
-                Ok(Step::Need(1))
+                Ok(Progress::Need(1))
             }
             _ => Err(Fault::LineTooLong(self.limit)),
         }
@@ -101,7 +101,7 @@ impl Lines {
     ///
     /// # Errors
     /// As [`Lines::poll`].
-    pub fn poll_request(&mut self, buffer: &mut BytesMut) -> Result<Step<Bytes>, Fault> {
+    pub fn poll_request(&mut self, buffer: &mut BytesMut) -> Result<Progress<Bytes>, Fault> {
         Ok(self.poll(buffer)?.map(without_prefix))
     }
 }
@@ -124,7 +124,7 @@ pub(crate) struct Lined {
 }
 
 impl AnswerReader {
-    pub(crate) fn new(limits: &Limits, is_end: fn(&[u8]) -> bool) -> Self {
+    pub(crate) fn new(limits: &WireLimits, is_end: fn(&[u8]) -> bool) -> Self {
         let (lines, limit) = (Lines::new(limits), limits.max_message_bytes);
         Self { lines, got: Vec::new(), bytes: 0, limit, is_end }
     }
@@ -133,15 +133,14 @@ impl AnswerReader {
     ///
     /// # Errors
     /// When a line or the whole is too long.
-    pub(crate) fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Lined>, Fault> {
+    pub(crate) fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Lined>, Fault> {
         loop {
-            let line = match self.lines.poll(buffer)? {
-                Step::Event(line) => line,
-                Step::Need(more) => return Ok(Step::Need(more)),
+            let Progress::Event(line) = self.lines.poll(buffer)? else {
+                return Ok(Progress::Need(1));
             };
             if (self.is_end)(&line) {
                 let lines = std::mem::take(&mut self.got);
-                return Ok(Step::Event(Lined { lines, end: line }));
+                return Ok(Progress::Event(Lined { lines, end: line }));
             }
             // An empty line costs memory, too.
             self.bytes = self.bytes.saturating_add(line.len() + size_of::<Bytes>());
@@ -194,8 +193,8 @@ pub struct BottleLines {
 }
 
 impl BottleLines {
-    /// A reader of texts of up to [`Limits::max_line_bytes`], all lines together.
-    pub fn new(limits: &Limits) -> Self {
+    /// A reader of texts of up to [`WireLimits::max_line_bytes`], all lines together.
+    pub fn new(limits: &WireLimits) -> Self {
         Self { lines: Lines::new(limits), text: None, closed: Closed::default() }
     }
 
@@ -203,18 +202,17 @@ impl BottleLines {
     ///
     /// # Errors
     /// When it is too long.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Bytes>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Bytes>, Fault> {
         loop {
-            let line = match self.lines.poll(buffer)? {
-                Step::Event(line) => line,
-                Step::Need(more) => return Ok(Step::Need(more)),
+            let Progress::Event(line) = self.lines.poll(buffer)? else {
+                return Ok(Progress::Need(1));
             };
             self.closed.scan(&line);
             let joins = self.closed.escaped;
             let last = self.closed.at_line_end();
             if last && self.text.is_none() {
                 self.closed = Closed::default();
-                return Ok(Step::Event(line));
+                return Ok(Progress::Event(line));
             }
             let text = self.text.get_or_insert_default();
             if text.len() + line.len() >= self.lines.limit {
@@ -227,7 +225,7 @@ impl BottleLines {
             if last {
                 let text = self.text.take().unwrap_or_default();
                 self.closed = Closed::default();
-                return Ok(Step::Event(text.freeze()));
+                return Ok(Progress::Event(text.freeze()));
             }
             if !joins {
                 text.extend_from_slice(b"\n");
@@ -251,7 +249,7 @@ pub struct TextReader {
 
 impl TextReader {
     /// A reader that refuses lines beyond `limits`.
-    pub fn new(limits: &Limits) -> Self {
+    pub fn new(limits: &WireLimits) -> Self {
         Self { command: None, lines: Lines::new(limits), payload: BottleLines::new(limits) }
     }
 
@@ -259,24 +257,22 @@ impl TextReader {
     ///
     /// # Errors
     /// When a line is too long.
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Incoming>, Fault> {
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Progress<Incoming>, Fault> {
         loop {
             if self.command.is_some() {
-                let text = match self.payload.poll(buffer)? {
-                    Step::Event(text) => text,
-                    Step::Need(more) => return Ok(Step::Need(more)),
+                let Progress::Event(text) = self.payload.poll(buffer)? else {
+                    return Ok(Progress::Need(1));
                 };
                 let command = self.command.take().unwrap_or(Command::Unknown(0));
-                return Ok(Step::Event(Incoming { command, body: Body::Text(text) }));
+                return Ok(Progress::Event(Incoming { command, body: Body::Text(text) }));
             }
-            let line = match self.lines.poll(buffer)? {
-                Step::Event(line) => line,
-                Step::Need(more) => return Ok(Step::Need(more)),
+            let Progress::Event(line) = self.lines.poll(buffer)? else {
+                return Ok(Progress::Need(1));
             };
             let command = Command::from_text(&line);
             if !command.has_payload() {
                 let body = Body::Text(Bytes::new());
-                return Ok(Step::Event(Incoming { command, body }));
+                return Ok(Progress::Event(Incoming { command, body }));
             }
             self.command = Some(command);
         }
@@ -306,9 +302,9 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Vec<Incoming> {
-        let (mut reader, mut found) = (TextReader::new(&Limits::default()), Vec::new());
+        let (mut reader, mut found) = (TextReader::new(&WireLimits::default()), Vec::new());
         let mut buffer = BytesMut::from(text);
-        while let Step::Event(incoming) = reader.poll(&mut buffer).unwrap() {
+        while let Progress::Event(incoming) = reader.poll(&mut buffer).unwrap() {
             found.push(incoming);
         }
         found
@@ -341,17 +337,17 @@ mod tests {
 
     #[test]
     fn endless_lines_end() {
-        let limits = Limits { max_line_bytes: 10, ..Limits::default() };
+        let limits = WireLimits { max_line_bytes: 10, ..WireLimits::default() };
         let mut reader = TextReader::new(&limits);
         let mut buffer = BytesMut::from("d\n((((((((");
-        assert_eq!(reader.poll(&mut buffer), Ok(Step::Need(1)));
+        assert_eq!(reader.poll(&mut buffer), Ok(Progress::Need(1)));
         buffer.extend_from_slice(b"(((\n");
         assert_eq!(reader.poll(&mut buffer), Err(Fault::LineTooLong(10)));
         let mut buffer = BytesMut::from("d\n");
         let mut reader = TextReader::new(&limits);
         for _ in 0..4 {
             buffer.extend_from_slice(b"(\n");
-            assert_eq!(reader.poll(&mut buffer), Ok(Step::Need(1)));
+            assert_eq!(reader.poll(&mut buffer), Ok(Progress::Need(1)));
         }
         buffer.extend_from_slice(b"((\n");
         assert_eq!(reader.poll(&mut buffer), Err(Fault::LineTooLong(10)));

@@ -9,8 +9,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use wrapyfi_yarp::wire::message::{self, Found, MessageReader};
 use wrapyfi_yarp::wire::text::TextReader;
-use wrapyfi_yarp::wire::{Body, Command, Step, number};
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::wire::{Body, Command, Progress, number};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
 use crate::golden::{file, hex};
 
@@ -62,12 +62,12 @@ pub(crate) struct Sent {
 
 /// The data messages in what a sender wrote, behind its header.
 pub(crate) fn messages(stream: &[u8], dialect: Dialect) -> Vec<Sent> {
-    let limits = Limits::default();
+    let limits = WireLimits::default();
     let mut found = Vec::new();
     let mut take = |command: Command, body: Body| {
         if let Command::Data { reply, envelope } = command {
             let payload = match body {
-                Body::Binary(bytes) => bytes,
+                Body::Binary(bytes) | Body::File(bytes) => bytes,
                 text @ Body::Text(_) => {
                     text.bottle(dialect, &limits).unwrap().encode(dialect).unwrap().into()
                 }
@@ -79,14 +79,14 @@ pub(crate) fn messages(stream: &[u8], dialect: Dialect) -> Vec<Sent> {
         let line = stream.iter().position(|&byte| byte == b'\n').unwrap() + 1;
         let mut buffer = BytesMut::from(&stream[line..]);
         let mut reader = TextReader::new(&limits);
-        while let Step::Event(incoming) = reader.poll(&mut buffer).unwrap() {
+        while let Progress::Event(incoming) = reader.poll(&mut buffer).unwrap() {
             take(incoming.command, incoming.body);
         }
     } else {
         let length = i32::from_le_bytes(stream[8..12].try_into().unwrap()) as usize;
         let mut buffer = BytesMut::from(&stream[12 + length..]);
         let mut reader = MessageReader::new(&limits);
-        while let Step::Event(event) = reader.poll(&mut buffer).unwrap() {
+        while let Progress::Event(event) = reader.poll(&mut buffer).unwrap() {
             if let Found::Message(incoming) = event {
                 take(incoming.command, incoming.body);
             }
@@ -103,8 +103,8 @@ pub(crate) fn in_one_block(part: &[u8]) -> Vec<u8> {
         return part.to_vec();
     }
     let mut buffer = BytesMut::from(part);
-    let mut reader = MessageReader::new(&Limits::default());
-    let Step::Event(Found::Message(incoming)) = reader.poll(&mut buffer).unwrap() else {
+    let mut reader = MessageReader::new(&WireLimits::default());
+    let Progress::Event(Found::Message(incoming)) = reader.poll(&mut buffer).unwrap() else {
         panic!("{part:?}")
     };
     assert!(buffer.is_empty());
@@ -114,7 +114,7 @@ pub(crate) fn in_one_block(part: &[u8]) -> Vec<u8> {
 
 /// The replies in what a server wrote, as a binary carrier brings them.
 pub(crate) fn replies(stream: &[u8], text: bool) -> Vec<Bytes> {
-    let limits = Limits::default();
+    let limits = WireLimits::default();
     let mut found = Vec::new();
     if text {
         for line in std::str::from_utf8(stream).unwrap().lines() {
@@ -141,10 +141,10 @@ pub(crate) fn replies(stream: &[u8], text: bool) -> Vec<Bytes> {
 fn same_text(found: &[u8], expected: &[u8]) -> bool {
     let read = |bytes: &[u8]| {
         let mut buffer = BytesMut::from(bytes);
-        let mut reader = TextReader::new(&Limits::default());
+        let mut reader = TextReader::new(&WireLimits::default());
         let mut commands = Vec::new();
-        while let Step::Event(incoming) = reader.poll(&mut buffer).unwrap() {
-            let bottle = incoming.body.bottle(Dialect::V3, &Limits::default()).unwrap();
+        while let Progress::Event(incoming) = reader.poll(&mut buffer).unwrap() {
+            let bottle = incoming.body.bottle(Dialect::V3, &WireLimits::default()).unwrap();
             commands.push((incoming.command, bottle.encode(Dialect::V3).unwrap()));
         }
         (commands, buffer)

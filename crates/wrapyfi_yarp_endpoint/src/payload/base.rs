@@ -10,7 +10,7 @@
 //! `Twist` says of other directions is left out.
 
 use bytes::Bytes;
-use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+use wrapyfi_yarp::{Bottle, Value as Element};
 
 use super::super::options::BaseCommand;
 use super::native;
@@ -75,7 +75,7 @@ pub(super) fn write_odometry(fields: &Value, rules: Rules<'_>) -> EncodeResult<V
     let (sin, cos) = theta.sin_cos();
     let [theta, turn] = rules.options.degrees([theta, turn]);
     let world = [vx * cos - vy * sin, vx * sin + vy * cos, turn];
-    floats([[x, y, theta], [vx, vy, turn], world].concat(), rules.dialect)
+    numbers::write_vector([[x, y, theta], [vx, vy, turn], world].concat(), rules)
 }
 
 /// Writes the velocity that a `Twist` asks of a base.
@@ -92,15 +92,11 @@ pub(super) fn write_velocity(
         return Err(EncodeError::mismatch("a velocity of numbers", odd.to_string()));
     }
     match base {
-        BaseCommand::Velocity => floats(velocity.into(), rules.dialect),
+        BaseCommand::Velocity => numbers::write_vector(velocity.into(), rules),
         BaseCommand::Control => {
             let numbers = velocity.into_iter().chain([ALL_POWER]).map(Element::Float64);
             let values = std::iter::once(Element::Int32(CARTESIAN)).chain(numbers).collect();
             native::bytes(&Bottle { values }, rules.dialect)
         }
     }
-}
-
-fn floats(values: Vec<f64>, dialect: Dialect) -> EncodeResult<Vec<u8>> {
-    native::bytes(&values.into_iter().map(Element::Float64).collect(), dialect)
 }

@@ -235,7 +235,7 @@ fn number(place: usize) -> Element {
     Element::Int32(i32::try_from(place).unwrap_or(i32::MAX))
 }
 
-/// Number of joints of the control board; 0 where nobody has told.
+/// Number of joints of the control board; 0 where it is not known.
 fn known(options: &YarpOptions) -> usize {
     if options.joints.is_empty() { options.axes.len() } else { options.joints.len() }
 }

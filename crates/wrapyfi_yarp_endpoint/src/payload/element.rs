@@ -24,10 +24,9 @@ const MOST_NUMBERS: usize = 1 << 20;
 /// One element as a value. Bottles nest no deeper than their limit, and so does this.
 pub(super) fn to_value(element: &Element, dialect: Dialect) -> Value {
     match element {
-        Element::Int8(number) => (*number).into(),
-        Element::Int16(number) => (*number).into(),
-        Element::Int32(number) => (*number).into(),
-        Element::Int64(number) => (*number).into(),
+        Element::Int8(_) | Element::Int16(_) | Element::Int32(_) | Element::Int64(_) => {
+            element.as_i64().unwrap_or_default().into()
+        }
         Element::Float32(number) => (*number).into(),
         Element::Float64(number) => (*number).into(),
         Element::Vocab32(Vocab::TRUE) => true.into(),
@@ -182,7 +181,7 @@ mod tests {
         Writer { dialect: Dialect::V3, limits: &Limits { message_bytes: 1 << 20, depth: 8 } };
 
     fn parsed(text: &str) -> Bottle {
-        Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default()).unwrap()
+        Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::WireLimits::default()).unwrap()
     }
 
     #[test]

@@ -7,11 +7,11 @@ use wrapyfi_data::Limits;
 use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
 
 /// The limits of a topic, for YARP's codecs.
-pub(super) fn limits(limits: &Limits) -> wrapyfi_yarp::Limits {
-    wrapyfi_yarp::Limits {
+pub(super) fn limits(limits: &Limits) -> wrapyfi_yarp::WireLimits {
+    wrapyfi_yarp::WireLimits {
         max_message_bytes: limits.message_bytes,
         max_depth: limits.depth,
-        ..wrapyfi_yarp::Limits::default()
+        ..wrapyfi_yarp::WireLimits::default()
     }
 }
 

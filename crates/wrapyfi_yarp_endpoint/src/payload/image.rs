@@ -159,7 +159,8 @@ pub(super) fn decode(
 fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeResult<RawPixels> {
     let image = sig::Image::decode(bytes, rows(options), &fault::limits(&spec.limits));
     let image = image.map_err(|error| fault::object("an image", "image", &error))?;
-    let code = image.pixel();
+    let header = image.header();
+    let code = header.pixel;
     let found = PIXELS.into_iter().find(|(known, _)| *known == code);
     let mut encoding = found.map(|(_, encoding)| encoding).ok_or_else(|| {
         let names: Vec<_> = PIXELS.iter().map(|(code, _)| code.to_string()).collect();
@@ -174,11 +175,11 @@ fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeR
     let size = |value: usize| {
         u32::try_from(value).map_err(|error| DecodeError::malformed("image", error.to_string()))
     };
-    let (width, height) = (size(image.width())?, size(image.height())?);
-    let read = if image.header().is_empty() {
+    let (width, height) = (size(header.width)?, size(header.height)?);
+    let read = if header.is_empty() {
         RawPixels::dense(width, height, encoding, Bytes::new())
     } else {
-        let step = size(image.header().stride)?;
+        let step = size(header.stride)?;
         RawPixels::new(width, height, encoding, step, image.data().clone())
     };
     read.map_err(|error| DecodeError::malformed("image", error.to_string()))

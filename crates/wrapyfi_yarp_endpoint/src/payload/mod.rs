@@ -46,9 +46,8 @@ use rules::Rules;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
-use wrapyfi_endpoint::codec::{
-    DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, received_as,
-};
+use wrapyfi_endpoint::codec::convert::properties;
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, check_form};
 
 pub(super) use command::{COMMAND_PORT, of_some_joints, trajectory};
 pub(super) use joints::{EXTENDED_PORT, extended_of, floats, texts};
@@ -81,7 +80,7 @@ pub fn encode(
         EncodeError::check_size(file.len(), spec.limits.message_bytes)?;
         return Ok(Outgoing { payload: Bytewise::raw(file), stamp: envelope(Some(image.stamp)) });
     }
-    let payload = &*fitted(payload, spec.message_type, spec.color_order, &spec.limits)?;
+    check_form(payload, spec.message_type)?;
     let (bytes, stamp) = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(object)) => {
             let bytes = if spec.message_type == MessageType::Text {
@@ -162,7 +161,7 @@ fn decode_as(
     rules: Rules<'_>,
     now: Stamp,
 ) -> DecodeResult<Payload> {
-    let Rules { options, limits, .. } = rules;
+    let Rules { options, .. } = rules;
     let bytes: &Bytes = &received.bytes;
     let sent_at = time(stamp);
     let stamp = sent_at.unwrap_or(now);
@@ -197,7 +196,10 @@ fn decode_as(
                 format
             };
             let value = native::decode(&bottle, format, &spec.plugins, rules)?;
-            received_as(object(value).into(), message_type, spec.color_order, limits, now)
+            match kind {
+                DataType::Properties => Ok(properties(&value)?.into()),
+                _ => Ok(object(value).into()),
+            }
         }
     }
 }

@@ -8,7 +8,6 @@
 //! ```
 
 use bytes::Bytes;
-use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::BottleFormat;
@@ -28,10 +27,7 @@ pub(super) fn in_either<T>(
 ) -> DecodeResult<T> {
     read(rules).or_else(|error| {
         let bounds = fault::limits(rules.limits);
-        let whole = |dialect| {
-            let frame = Bottle::frame(bytes, dialect, &bounds);
-            matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
-        };
+        let whole = |dialect| Bottle::is_whole(bytes, dialect, &bounds);
         let other = rules.dialect.other();
         if whole(rules.dialect) || !whole(other) {
             return Err(error);
@@ -65,7 +61,7 @@ pub(super) fn encode(
     writer: Writer<'_>,
 ) -> EncodeResult<Vec<u8>> {
     let bottle = match (format, value) {
-        (BottleFormat::Json | BottleFormat::Plain, _) => single(json::encode_with(value, plugins)?),
+        (BottleFormat::Json | BottleFormat::Plain, _) => single(json::encode(value, plugins)?),
         (BottleFormat::Bottle, _) | (BottleFormat::Property, Value::Map(_)) => {
             writer.bottle(value)?
         }

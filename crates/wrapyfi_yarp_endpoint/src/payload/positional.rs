@@ -155,6 +155,7 @@ pub(super) fn read_truths(args: &mut [Value], ros_type: RosType) {
 pub(super) fn read_reply(
     bottle: &Bottle,
     ros_type: RosType,
+    plugins: &Plugins,
     rules: Rules<'_>,
 ) -> DecodeResult<Result<Value, String>> {
     let defaults = ros_type.plan().default_message();
@@ -162,7 +163,7 @@ pub(super) fn read_reply(
         Some(fields) => fields,
         None => match requests::failure(bottle) {
             Some(text) => return Ok(Err(text)),
-            None => match dict_of_json(bottle, ros_type, rules) {
+            None => match dict_of_json(bottle, ros_type, plugins, rules) {
                 Some(fields) => fields,
                 None => in_order(bottle, &defaults, ros_type, rules.dialect)?,
             },
@@ -189,7 +190,7 @@ fn judged(bottle: &Bottle) -> Option<Map> {
 }
 
 /// Values as one text: the only string itself, or the text form of them all.
-fn joined(values: &[Element]) -> String {
+pub(super) fn joined(values: &[Element]) -> String {
     match values {
         [Element::String(text)] => text.to_string_lossy().into_owned(),
         values => Bottle { values: values.to_vec() }.to_text(),
@@ -197,12 +198,17 @@ fn joined(values: &[Element]) -> String {
 }
 
 /// Fields in the one string that a function of Wrapyfi answers with: a dict of them, as JSON.
-fn dict_of_json(bottle: &Bottle, ros_type: RosType, rules: Rules<'_>) -> Option<Map> {
+fn dict_of_json(
+    bottle: &Bottle,
+    ros_type: RosType,
+    plugins: &Plugins,
+    rules: Rules<'_>,
+) -> Option<Map> {
     let [Element::String(text)] = bottle.values.as_slice() else { return None };
     if !text.as_bytes().starts_with(b"{") {
         return None;
     }
-    let value = native::decode(bottle, BottleFormat::Json, &Plugins::default(), rules).ok()?;
+    let value = native::decode(bottle, BottleFormat::Json, plugins, rules).ok()?;
     by_name(&[value], ros_type)
 }
 

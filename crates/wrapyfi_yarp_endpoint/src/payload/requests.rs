@@ -16,7 +16,8 @@ use super::element::{self, Writer};
 use super::rules::Rules;
 use super::{fault, native, positional};
 use wrapyfi_data::types::{
-    AudioChunk, DataType, Dtype, Map, Payload, SampleFormat, ServiceKind, Stamp, Tensor, Value,
+    AudioChunk, DataType, Dtype, Image, Map, Payload, SampleFormat, ServiceKind, Stamp, Tensor,
+    Value,
 };
 use wrapyfi_endpoint::codec::{
     DecodeError, DecodeResult, EncodeError, EncodeResult, json, requests,
@@ -75,7 +76,7 @@ pub fn encode_request(
     finish(&bottle, spec, dialect)
 }
 
-/// Reads a request, of either dialect. Whoever types one sends its arguments in order; a dict in
+/// Reads a request, of either dialect. A user who types one sends its arguments in order; a dict in
 /// last place has those with names. The words of option `command` are taken off.
 ///
 /// # Errors
@@ -145,7 +146,7 @@ pub fn encode_reply(
         }
     };
     let bottle = match (format(spec, options), spec.kind) {
-        (BottleFormat::Json, _) => native::single(json::encode_with(&value, &spec.plugins)?),
+        (BottleFormat::Json, _) => native::single(json::encode(&value, &spec.plugins)?),
         (_, ServiceKind::Ros(service)) => {
             let limit = spec.limits.message_bytes;
             positional::write_reply(&positional::reply(service.response(), &value, limit)?, writer)?
@@ -222,19 +223,28 @@ fn decode_reply_as(
         // Pictures and sound come as native objects, too: as arrays.
         let native = ServiceSpec { kind: ServiceKind::NativeObject, ..spec.clone() };
         return match requests::decode_reply(&text.clone().into_bytes(), &native, now)? {
-            Ok(payload) => requests::received(payload, spec, now).map(Ok),
-            Err(text) => Ok(Err(text)),
+            Ok(Payload::NativeObject(object)) => of_kind(object.value, spec, now).map(Ok),
+            other => Ok(other),
         };
     }
     if let ServiceKind::Ros(service) = spec.kind {
-        let read = positional::read_reply(&bottle, service.response(), rules)?;
+        let read = positional::read_reply(&bottle, service.response(), &spec.plugins, rules)?;
         return Ok(read.map(Payload::from));
     }
     if let Some(text) = failure(&bottle) {
         return Ok(Err(text));
     }
     let value = native::decode(&bottle, format, &spec.plugins, rules)?;
-    requests::received(value.into(), spec, now).map(Ok)
+    of_kind(value, spec, now).map(Ok)
+}
+
+/// Makes the payload of a function of its returned value: pictures and sound come as arrays.
+fn of_kind(value: Value, spec: &ServiceSpec, now: Stamp) -> DecodeResult<Payload> {
+    Ok(match spec.kind.data_type() {
+        DataType::Image => Image::from_value(&value, spec.color_order, now)?.into(),
+        DataType::AudioChunk => AudioChunk::from_value(&value, now)?.into(),
+        _ => value.into(),
+    })
 }
 
 /// Error of a server that failed: `[fail] "no such joint"`. The word is a vocab, because a string
@@ -246,10 +256,7 @@ pub(super) fn failure(bottle: &Bottle) -> Option<String> {
     }
     Some(match rest {
         [] => "the server answered [fail] without a reason".to_owned(),
-        rest => native::decode_text(&Bottle { values: rest.to_vec() }, BottleFormat::Json)
-            .as_str()
-            .unwrap_or_default()
-            .to_owned(),
+        rest => positional::joined(rest),
     })
 }
 

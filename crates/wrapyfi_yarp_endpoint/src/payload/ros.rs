@@ -49,10 +49,9 @@ pub(super) fn encode(
     let fields = fields(message, spec)?;
     let name = message.ros_type.name();
     let bytes = match (name, Width::of(name), rules.options.bottle) {
-        (_, _, Some(BottleFormat::Json)) => native::bytes(
-            &native::single(json::encode_with(&fields, &spec.plugins)?),
-            rules.dialect,
-        )?,
+        (_, _, Some(BottleFormat::Json)) => {
+            native::bytes(&native::single(json::encode(&fields, &spec.plugins)?), rules.dialect)?
+        }
         (JOINTS, _, None) if command::is_for(spec, rules.options) => {
             command::of_state(&fields, spec, rules)?
         }

@@ -13,7 +13,7 @@ use super::super::losses::Sent;
 use super::super::name::check_name;
 use super::super::options::YarpOptions;
 use super::super::payload;
-use super::super::shared::Shared;
+use super::super::shared::InstanceState;
 use super::requests::Carries;
 use super::{Moved, PORTS, ServedBoard, ServedBoards, state};
 
@@ -38,7 +38,7 @@ impl BoardPublisher {
     /// The name or the type that a board cannot have.
     pub(in super::super) fn open(
         boards: &ServedBoards,
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &TopicSpec,
         options: &YarpOptions,
         context: &Context,
@@ -56,7 +56,7 @@ impl BoardListener {
     /// As [`BoardPublisher::open`].
     pub(in super::super) fn open(
         boards: &ServedBoards,
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         spec: &TopicSpec,
         options: &YarpOptions,
         context: &Context,
@@ -77,7 +77,7 @@ impl Drop for BoardListener {
 }
 
 /// Checks name and type of an end; the quantities that its messages carry.
-fn check(spec: &TopicSpec, takes: impl Fn(Carries) -> bool, wanted: &str) -> OpenResult<Carries> {
+fn check(spec: &TopicSpec, accepts: impl Fn(Carries) -> bool, wanted: &str) -> OpenResult<Carries> {
     for end in PORTS {
         check_name(&format!("{}{end}", spec.topic))?;
     }
@@ -85,7 +85,7 @@ fn check(spec: &TopicSpec, takes: impl Fn(Carries) -> bool, wanted: &str) -> Ope
         MessageType::Ros(ros_type) => state::carries(ros_type),
         _ => None,
     };
-    carries.filter(|it| takes(*it)).ok_or_else(|| OpenError::InvalidOption {
+    carries.filter(|it| accepts(*it)).ok_or_else(|| OpenError::InvalidOption {
         middleware: "yarp",
         topic: spec.topic.clone(),
         option: "board".to_owned(),

@@ -23,18 +23,16 @@ mod ends;
 mod requests;
 mod state;
 
+use crate::name::NAME;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
-use wrapyfi_yarp::port::{
-    Answer, Fate, Message, OutputPort, Overflow, PortOptions, PortPayload, Received, RpcServer,
-    Written,
-};
+use wrapyfi_yarp::port::{Answer, Overflow, Port, PortOptions, PortPayload, Received, Written};
 use wrapyfi_yarp::sig::Stamp;
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, WireLimits};
 
 use self::axes::{Axes, Joints, Movement};
 use self::requests::Carries;
@@ -43,16 +41,16 @@ use super::losses::Sent;
 use super::opening::until_open;
 use super::options::YarpOptions;
 use super::payload;
-use super::shared::Shared;
-use super::tasks::{Stop, Stopped};
+use super::shared::InstanceState;
+use super::tasks::Stop;
 pub(super) use ends::{BoardListener, BoardPublisher};
-use wrapyfi_endpoint::{Context, Mutex, Sender};
+use wrapyfi_endpoint::{Absent, Cause, Context, Mutex, PeerFault, Role, Sender};
 
 /// Ends of the names of a board's ports: requests, commands, states, states in full.
 pub const PORTS: [&str; 4] = ["/rpc:i", payload::COMMAND_PORT, "/state:o", payload::EXTENDED_PORT];
 
-/// Begin of the reason for which a board waits whose ports are open, and to which nobody is connected.
-pub const NO_CLIENT: &str = "a client of the board ";
+/// Ends of the names of those of the ports that take requests or commands.
+pub const INPUTS: [&str; 2] = ["/rpc:i", payload::COMMAND_PORT];
 /// Ages of the last state that are told, in seconds: a reason that changes is logged.
 const AGES_S: [u64; 5] = [2, 10, 60, 600, 3600];
 /// Time between two looks at the age of the last state.
@@ -78,18 +76,12 @@ struct Core {
     axes: Mutex<Axes>,
     /// True once the axes are known.
     known: watch::Sender<bool>,
-    ports: Mutex<Option<Ports>>,
+    /// Ports that are open: states, states in full, requests, commands.
+    ports: Mutex<Vec<Port>>,
     /// Receiver of movements, where that end is open, and the quantities that its messages carry.
     movements: Mutex<Option<(Arc<Sender<Moved>>, Carries)>>,
-    link_state: LinkState,
+    link_state: Arc<LinkState>,
     count: AtomicI32,
-}
-
-/// Ports that are open.
-#[derive(Debug)]
-struct Ports {
-    inputs: [RpcServer; 2],
-    outputs: [OutputPort; 2],
 }
 
 /// A movement that a client asked for.
@@ -111,7 +103,7 @@ impl ServedBoards {
     /// The board of this name, begun where it is not there.
     fn board(
         &self,
-        shared: &Arc<Shared>,
+        shared: &Arc<InstanceState>,
         name: &str,
         options: &YarpOptions,
         context: &Context,
@@ -128,7 +120,12 @@ impl ServedBoards {
 }
 
 impl ServedBoard {
-    fn begin(shared: &Arc<Shared>, name: &str, options: &YarpOptions, context: &Context) -> Self {
+    fn begin(
+        shared: &Arc<InstanceState>,
+        name: &str,
+        options: &YarpOptions,
+        context: &Context,
+    ) -> Self {
         let core = Arc::new(Core {
             name: name.to_owned(),
             options: options.clone(),
@@ -137,16 +134,11 @@ impl ServedBoard {
             known: watch::Sender::new(false),
             ports: Mutex::default(),
             movements: Mutex::default(),
-            link_state: LinkState::new(context.wake.clone(), awaited(name)),
+            link_state: Arc::new(LinkState::new(context.wake.clone(), awaited(name).into())),
             count: AtomicI32::new(0),
         });
-        let (stop, stopped) = shared.tasks.stop();
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&core)), Arc::clone(&core));
-        shared.tasks.spawn(
-            name,
-            move |what| told.link_state.waiting(what),
-            move || keep(kept.clone(), stopped.clone()),
-        );
+        let kept = (Arc::clone(shared), Arc::clone(&core));
+        let stop = shared.tasks.spawn(name, &core.link_state, kept, serve, close);
         Self { core, _stop: stop }
     }
 }
@@ -166,7 +158,8 @@ impl Core {
             let mut axes = self.axes.lock();
             if let Err(why) = axes.take(joints, &self.options) {
                 if !axes.is_known() {
-                    self.link_state.waiting(format!("{}: {why}", self.awaited()));
+                    let fault = PeerFault::Transport(why.clone());
+                    self.link_state.waiting(Cause::peer(self.awaited().named, "", Some(fault), ""));
                 }
                 return Err(why);
             }
@@ -175,21 +168,15 @@ impl Core {
         };
         let stamp = Stamp { count: self.count.fetch_add(1, Relaxed), time_s };
         let ports = self.ports.lock();
-        let Some(Ports { outputs, .. }) = &*ports else { return Ok(None) };
-        let mut written = Written::default();
-        for (port, bytes) in outputs.iter().zip(messages) {
+        let mut written = (!ports.is_empty()).then(Written::default);
+        for (port, bytes) in ports.iter().zip(messages) {
             let payload = PortPayload::object(bytes.map_err(|error| error.to_string())?);
-            let fate: Arc<dyn Fate> = sent.clone();
-            let message = Message { fate: Some(fate), ..Message::new(payload) }.stamped(stamp);
-            let more = port.write_object(message);
-            written.targets += more.targets;
-            written.dropped += more.dropped;
-            written.over_budget += more.over_budget;
+            sent.write(port, payload, Some(stamp), written.get_or_insert_default());
         }
-        Ok(Some(written))
+        Ok(written)
     }
 
-    fn awaited(&self) -> String {
+    fn awaited(&self) -> Absent {
         awaited(&self.name)
     }
 
@@ -198,11 +185,13 @@ impl Core {
         let age_s = self.axes.lock().silent_for().map_or(0, |age| age.as_secs());
         let old = AGES_S.iter().rev().find(|most| age_s >= **most);
         match (old, self.clients()) {
-            (Some(most), _) => self.link_state.waiting(format!(
-                "{}: the last came more than {most} s ago, and movements are refused until one comes",
-                self.awaited()
-            )),
-            (None, 0) => self.link_state.waiting(format!("{NO_CLIENT}{}", self.name)),
+            (Some(age_s), _) => {
+                self.link_state.waiting(Cause::Stale { absent: self.awaited(), age_s: *age_s });
+            }
+            (None, 0) => {
+                let client = Absent::new(Role::Client, "a client of the board", NAME, &self.name);
+                self.link_state.waiting(client);
+            }
             (None, clients) => self.link_state.connected(clients),
         }
     }
@@ -210,17 +199,16 @@ impl Core {
     /// Number of connections of the four ports.
     fn clients(&self) -> usize {
         let ports = self.ports.lock();
-        let Some(Ports { inputs, outputs }) = &*ports else { return 0 };
-        let inputs = inputs.iter().map(|port| port.connected().borrow().inputs);
-        inputs.chain(outputs.iter().map(|port| port.connected().borrow().outputs)).sum()
+        let connected = ports.iter().map(|port| *port.connected().borrow()).enumerate();
+        connected.map(|(place, now)| if place < 2 { now.outputs } else { now.inputs }).sum()
     }
 
     /// Reads the bottle of a client, and tells in which dialect it writes floats.
     fn bottle(&self, received: &Received) -> Option<(Bottle, Dialect)> {
-        Bottle::decode_either(&received.payload.bytes, self.dialect, &Limits::default()).ok()
+        Bottle::decode_either(&received.payload.bytes, self.dialect, &WireLimits::default()).ok()
     }
 
-    /// Quantities that the messages of ROS carry; none where nobody takes movements.
+    /// Quantities that the messages of ROS carry; none where no program takes movements.
     fn carries(&self) -> Carries {
         self.movements.lock().as_ref().map_or(Carries::Positions, |(_, carries)| *carries)
     }
@@ -266,124 +254,69 @@ impl Core {
     }
 }
 
-/// The life of a board: its ports open once its axes are known, and close with it.
-async fn keep((shared, core): (Arc<Shared>, Arc<Core>), mut stopped: Stopped) {
-    // A task that panicked has left its ports open.
-    close(&shared, &core).await;
-    let mut known = core.known.subscribe();
-    tokio::select! {
-        () = stopped.wait() => return,
-        _ = known.wait_for(|known| *known) => {}
-    }
-    let opened = open(&shared, &core);
-    tokio::select! {
-        () = stopped.wait() => {}
-        ports = opened => {
-            let (inputs, outputs) = (&ports.inputs, &ports.outputs);
-            inputs.iter().for_each(|port| shared.own.insert(port.name()));
-            outputs.iter().for_each(|port| shared.own.insert(port.name()));
-            let changes = [inputs[0].connected(), inputs[1].connected(), outputs[0].connected(), outputs[1].connected()];
-            *core.ports.lock() = Some(ports);
-            tokio::select! {
-                () = stopped.wait() => {}
-                () = count(&core, changes) => {}
-            }
-        }
-    }
-    close(&shared, &core).await;
-    core.link_state.waiting("YARP, which has ended");
-}
-
-/// Opens the four ports, however long a name is taken.
-async fn open(shared: &Shared, core: &Arc<Core>) -> Ports {
-    let network = shared.network(&core.options);
-    let name = |end: &str| format!("{}{end}", core.name);
-    let rpc = PortOptions { rpc: true, ..PortOptions::default() };
+/// The life of a board: its ports open once its axes are known.
+async fn serve((shared, core): (Arc<InstanceState>, Arc<Core>)) {
+    // The sender lives as long as the core.
+    core.known.subscribe().wait_for(|known| *known).await.ok();
+    let (network, link_state) = (shared.network(&core.options), &core.link_state);
     let latest = PortOptions {
         queue: shared.send_queue,
         overflow: Overflow::DropOldest,
         readers: YarpOptions::admission(core.options.to_peers.as_ref()),
         ..PortOptions::default()
     };
-    let asked = || {
-        let (network, core, rpc, name) =
-            (network.clone(), Arc::clone(core), rpc.clone(), name(PORTS[0]));
-        async move {
-            let answer = move |received, wants_reply| {
-                let core = Arc::clone(&core);
-                async move { core.ask(received, wants_reply).await }
-            };
-            network.serve(&name, &rpc, answer).await
-        }
-    };
-    let commanded = || {
-        let (network, core, name) = (network.clone(), Arc::clone(core), name(PORTS[1]));
-        async move {
-            let take = move |received, _| {
+    let rpc = PortOptions { rpc: true, ..PortOptions::default() };
+    let mut changes = Vec::new();
+    // The state is there before the requests: a client connects all of them at once.
+    for end in [PORTS[2], PORTS[3], PORTS[0], PORTS[1]] {
+        let name = format!("{}{end}", core.name);
+        let port = until_open(&shared, &name, link_state, || async {
+            let is_command = end == payload::COMMAND_PORT;
+            if end != PORTS[0] && !is_command {
+                return network.open_output(&name, &latest).await;
+            }
+            let core = Arc::clone(&core);
+            let take = move |received, wants_reply| {
                 let core = Arc::clone(&core);
                 async move {
-                    core.command(received).await;
-                    Answer::Nothing
+                    if is_command {
+                        core.command(received).await;
+                        return Answer::Nothing;
+                    }
+                    core.ask(received, wants_reply).await
                 }
             };
-            network.serve(&name, &PortOptions::default(), take).await
-        }
+            let options = if is_command { &PortOptions::default() } else { &rpc };
+            network.serve(&name, options, take).await
+        })
+        .await;
+        shared.own.insert(port.name());
+        changes.push(port.connected());
+        core.ports.lock().push(port);
+    }
+    let Ok([mut state, mut extended, mut rpc, mut command]) = <[_; 4]>::try_from(changes) else {
+        return;
     };
-    let told = |end: &'static str| {
-        let (network, latest, name) = (network.clone(), latest.clone(), name(end));
-        move || {
-            let (network, latest, name) = (network.clone(), latest.clone(), name.clone());
-            async move { network.open_output(&name, &latest).await }
-        }
-    };
-    let link_state = &core.link_state;
-    // The state is there before the requests: a client connects all of them at once.
-    let outputs = [
-        until_open(shared, &name(PORTS[2]), link_state, told(PORTS[2])).await,
-        until_open(shared, &name(PORTS[3]), link_state, told(PORTS[3])).await,
-    ];
-    let inputs = [
-        until_open(shared, &name(PORTS[0]), link_state, asked).await,
-        until_open(shared, &name(PORTS[1]), link_state, commanded).await,
-    ];
-    Ports { inputs, outputs }
-}
-
-fn awaited(board: &str) -> String {
-    format!("a state of the joints of {board}")
-}
-
-/// Tells what the board waits for, for as long as the ports live.
-async fn count(core: &Core, mut changes: [watch::Receiver<wrapyfi_yarp::port::Connected>; 4]) {
     loop {
-        changes.iter_mut().for_each(watch::Receiver::mark_unchanged);
         core.tell();
-        let [rpc, command, state, extended] = &mut changes;
-        let changed = tokio::select! {
-            changed = rpc.changed() => changed,
-            changed = command.changed() => changed,
-            changed = state.changed() => changed,
-            changed = extended.changed() => changed,
-            () = tokio::time::sleep(LOOK) => Ok(()),
-        };
-        if changed.is_err() {
-            return;
+        tokio::select! {
+            _ = state.changed() => {}
+            _ = extended.changed() => {}
+            _ = rpc.changed() => {}
+            _ = command.changed() => {}
+            () = tokio::time::sleep(LOOK) => {}
         }
     }
+}
+
+fn awaited(board: &str) -> Absent {
+    Absent::new(Role::Publisher, "a state of the joints of", NAME, board)
 }
 
 /// Closes the ports that are open, if any.
-async fn close(shared: &Shared, core: &Core) {
-    let ports = core.ports.lock().take();
-    let Some(Ports { inputs, outputs }) = ports else { return };
-    for port in inputs {
-        let name = port.name().to_owned();
-        port.close().await;
-        shared.own.remove(&name);
-    }
-    for port in outputs {
-        let name = port.name().to_owned();
-        port.close().await;
-        shared.own.remove(&name);
+async fn close((shared, core): (Arc<InstanceState>, Arc<Core>)) {
+    let ports = std::mem::take(&mut *core.ports.lock());
+    for port in ports {
+        shared.own.close(port).await;
     }
 }

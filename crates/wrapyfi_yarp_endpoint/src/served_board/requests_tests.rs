@@ -7,7 +7,7 @@ use super::super::super::options::YarpOptions;
 use super::super::axes::Joints;
 use super::*;
 use proptest::prelude::*;
-use wrapyfi_yarp::Limits;
+use wrapyfi_yarp::WireLimits;
 
 const NOW: Stamp = Stamp { count: 7, time_s: 12.5 };
 
@@ -30,7 +30,7 @@ fn axes() -> Axes {
 }
 
 fn bottle(text: &str) -> Bottle {
-    Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
+    Bottle::from_text(text.as_bytes(), &WireLimits::default()).unwrap()
 }
 
 fn asked(axes: &mut Axes, text: &str, carries: Carries) -> (String, Option<Movement>) {

@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn the_states_are_those_of_a_board_of_yarp() {
         let text = |bytes: Vec<u8>| {
-            let limits = wrapyfi_yarp::Limits::default();
+            let limits = wrapyfi_yarp::WireLimits::default();
             Bottle::decode_whole(&bytes.into(), Dialect::V3, &limits).unwrap().to_text()
         };
         assert_eq!(text(plain(&axes(), Dialect::V3).unwrap()), "180.0 0.25");

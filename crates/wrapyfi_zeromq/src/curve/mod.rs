@@ -22,7 +22,7 @@ use zeroize::{Zeroize as _, Zeroizing};
 
 pub(crate) use keys::{Grant, Keys};
 
-use crate::zmtp::{self, Kind, Opened, Step};
+use crate::zmtp::{self, HandshakeStep, Kind, Opened};
 use keys::{Key, random};
 
 /// Bytes before the ciphertext: the command's name, a number and a seal.
@@ -147,9 +147,13 @@ impl Curve {
     ///
     /// # Errors
     /// Why the connection ends.
-    pub(crate) fn handshake(&mut self, command: &[u8], properties: &[u8]) -> Result<Step, Breach> {
+    pub(crate) fn handshake(
+        &mut self,
+        command: &[u8],
+        properties: &[u8],
+    ) -> Result<HandshakeStep, Breach> {
         match std::mem::replace(&mut self.stage, Stage::Open) {
-            Stage::Waiting(kind) => self.hello(command, kind).map(Step::Say),
+            Stage::Waiting(kind) => self.hello(command, kind).map(HandshakeStep::Say),
             Stage::Welcomed { kind, client, short, cookie } => {
                 let theirs = self.initiate(command, kind, &client, &short, &cookie)?;
                 self.sent += 1;
@@ -157,10 +161,12 @@ impl Curve {
                 ready.extend(self.sent.to_be_bytes());
                 let nonce = numbered(b"CurveZMQREADY---", self.sent);
                 ready.extend(seal(self.session()?, &nonce, properties)?);
-                Ok(Step::Open(Some(ready), theirs))
+                Ok(HandshakeStep::Open(Some(ready), theirs))
             }
-            Stage::Greeted(short) => self.welcome(command, &short, properties).map(Step::Say),
-            Stage::Initiated => self.ready(command).map(|theirs| Step::Open(None, theirs)),
+            Stage::Greeted(short) => {
+                self.welcome(command, &short, properties).map(HandshakeStep::Say)
+            }
+            Stage::Initiated => self.ready(command).map(|theirs| HandshakeStep::Open(None, theirs)),
             Stage::Open => Err(Breach::Malformed("of a second handshake")),
         }
     }
@@ -341,7 +347,7 @@ fn refusal(command: &[u8]) -> Result<(), Breach> {
 /// Box from the key of another to ours.
 ///
 /// # Errors
-/// When any other secret would lead to the same: such a key is nobody's.
+/// When any other secret would lead to the same: no program has such a key.
 fn shared(theirs: &Key, ours: &Key) -> Result<SalsaBox, Breach> {
     static OF_NOBODY: OnceLock<Vec<u8>> = OnceLock::new();
     let between = |theirs: Key| SalsaBox::new(&PublicKey::from(theirs), &SecretKey::from(*ours));
@@ -416,8 +422,8 @@ mod tests {
         for turn in 0.. {
             let to = if turn % 2 == 0 { &mut server } else { &mut client };
             match to.handshake(said.last().unwrap(), PROPERTIES)? {
-                Step::Say(command) => said.push(command),
-                Step::Open(last, theirs) => {
+                HandshakeStep::Say(command) => said.push(command),
+                HandshakeStep::Open(last, theirs) => {
                     assert_eq!(theirs, PROPERTIES);
                     let Some(last) = last else { break };
                     said.push(last);
@@ -497,10 +503,14 @@ mod tests {
         let ours = keys(1, None);
         let (mut client, hello) = Curve::client(&keys(2, Some(&ours))).unwrap();
         let mut server = Curve::server(&ours, Kind::Xpub);
-        let Step::Say(welcome) = server.handshake(&hello, PROPERTIES).unwrap() else { panic!() };
+        let HandshakeStep::Say(welcome) = server.handshake(&hello, PROPERTIES).unwrap() else {
+            panic!()
+        };
         // A client that knows only the public key of the one that it pretends to be.
         client.keys = keys(4, Some(&ours)).pretending(&keys(2, None));
-        let Step::Say(initiate) = client.handshake(&welcome, PROPERTIES).unwrap() else { panic!() };
+        let HandshakeStep::Say(initiate) = client.handshake(&welcome, PROPERTIES).unwrap() else {
+            panic!()
+        };
         let refused = server.handshake(&initiate, PROPERTIES).err();
         assert_eq!(refused, Some(Breach::Sealed("INITIATE")));
     }
@@ -529,7 +539,7 @@ mod tests {
                 let to = if turn % 2 == 0 { &mut server } else { &mut client };
                 if turn == at {
                     let place = (cut * next.len() as f64) as usize;
-                    // Nobody reads the padding of HELLO, nor the highest bit of a key, for which it is not vouched.
+                    // No peer reads the padding of HELLO, nor the highest bit of a key, for which it is not vouched.
                     let is_unread = (8..80).contains(&place) || (place, bit) == (111, 7);
                     prop_assume!(drop_it || turn > 0 || !is_unread);
                     if drop_it { next.truncate(place) } else { next[place] ^= 1 << bit };
@@ -537,8 +547,8 @@ mod tests {
                     break;
                 }
                 match to.handshake(&next, PROPERTIES).unwrap() {
-                    Step::Say(command) | Step::Open(Some(command), _) => next = command,
-                    Step::Open(None, _) => {}
+                    HandshakeStep::Say(command) | HandshakeStep::Open(Some(command), _) => next = command,
+                    HandshakeStep::Open(None, _) => {}
                 }
             }
         }

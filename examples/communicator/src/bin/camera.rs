@@ -106,7 +106,7 @@ fn main() -> anyhow::Result<()> {
             return Err(fault);
         }
         if let Some(frame) = frame {
-            // Whoever sends what is no picture must not end whoever looks.
+            // A publisher that sends what is no picture must not end the program that looks.
             match picture::pixels(&frame) {
                 Ok(pixels) => {
                     shown = shown.wrapping_add(1);

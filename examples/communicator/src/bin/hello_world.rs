@@ -47,7 +47,7 @@ struct MirrorCls;
 
 #[communicator]
 impl MirrorCls {
-    // Whoever types has ten minutes.
+    // The user has ten minutes to type.
     #[register(
         NativeObject,
         "$0",

@@ -31,7 +31,7 @@ use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 struct Options {
     /// Steps that run here; the others are listened to
     #[arg(long, value_delimiter = ',')]
-    here: Vec<Step>,
+    here: Vec<Stage>,
     /// Modes of all steps, instead of --here
     #[arg(long, conflicts_with = "here")]
     config: Option<PathBuf>,
@@ -41,7 +41,7 @@ struct Options {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Step {
+enum Stage {
     Sense,
     Think,
 }
@@ -85,8 +85,8 @@ fn main() -> anyhow::Result<()> {
         }
         None => {
             let mut pipeline = Pipeline::default().communicator();
-            pipeline.activate(PipelineMethod::Sense, mode(Step::Sense))?;
-            pipeline.activate(PipelineMethod::Think, mode(Step::Think))?;
+            pipeline.activate(PipelineMethod::Sense, mode(Stage::Sense))?;
+            pipeline.activate(PipelineMethod::Think, mode(Stage::Think))?;
             pipeline
         }
     };

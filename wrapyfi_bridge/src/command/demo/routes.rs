@@ -71,7 +71,7 @@ pub(super) fn plan() -> anyhow::Result<Plan> {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_engine::Kind;
+    use wrapyfi_engine::RouteTypes;
 
     use super::*;
     use crate::middlewares;
@@ -88,6 +88,6 @@ mod tests {
         let ends = plan.routes.iter().flat_map(|route| [&route.from, &route.to]);
         assert!(ends.into_iter().all(|end| known.contains(&end.middleware.as_str())));
         let light = plan.routes.last().unwrap();
-        assert!(matches!(light.kind, Kind::Service(kind) if kind.ros_type() == LIGHT_TYPE));
+        assert!(matches!(light.types, RouteTypes::Service(kind) if kind.ros_type() == LIGHT_TYPE));
     }
 }

@@ -1,24 +1,21 @@
 //! `wrapyfi call`.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Value, fields_of_call};
-use wrapyfi_endpoint::{
-    Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec, TopicSpec,
-};
+use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Stamp, Value, fields_of_call};
+use wrapyfi_endpoint::{Call, CallError, Context, Role, ServiceSpec, TopicSpec};
 use wrapyfi_yarp_endpoint as yarp;
 
 use super::{as_text, kind, value, wait};
 use crate::canonical::canonical;
 use crate::cli::CallArgs;
-use crate::command::definitions;
+use crate::command::announced::Announced;
 use crate::command::echo::Waiting;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
-use crate::middlewares::{Role, described, for_service, is_ros};
+use crate::middlewares::{for_service, is_ros, option_names};
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
 use crate::words::words;
@@ -52,7 +49,8 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     if let Some(kind) = named {
         check(&request, kind)?;
     }
-    if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
+    let has_bottles = option_names(&args.endpoint.middleware).contains(&"bottle");
+    if has_bottles && options.get("bottle").is_none() {
         // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
         options.insert("bottle", "auto");
     }
@@ -61,7 +59,7 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     let context = Context::default();
     let kind = match named {
         Some(kind) => kind,
-        None => match announced(args, middleware.as_ref(), &context, shutdown)? {
+        None => match servers(args).learned(&*middleware, &context.wake, shutdown)? {
             Some(kind) => {
                 check(&request, kind)?;
                 kind
@@ -82,13 +80,19 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
             wait(&context.wake, client.deadline());
             continue;
         };
-        let text = match &result.map_err(|error| failed(error, args.timeout))?.payload {
+        let payload = result.map_err(|error| failed(error, args.timeout))?.payload;
+        let payload = match spec.conversion() {
+            Some(conversion) => {
+                conversion.convert(payload, Stamp::now).map_err(anyhow::Error::new)?
+            }
+            None => payload,
+        };
+        let text = match &payload {
             Payload::RosMessage(message) => as_text(message, args.json)?,
             payload if args.json => describe(payload),
             // As `yarp rpc` shows it.
             Payload::NativeObject(object)
-                if args.endpoint.middleware == yarp::NAME
-                    && matches!(object.value, Value::List(_)) =>
+                if has_bottles && matches!(object.value, Value::List(_)) =>
             {
                 yarp::payload::text_form(&object.value).unwrap_or_else(|| words(&object.value))
             }
@@ -97,6 +101,16 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
         return output::line(&text);
     }
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
+}
+
+fn servers(args: &CallArgs) -> Announced<'_, ServiceKind> {
+    Announced {
+        endpoint: &args.endpoint,
+        role: Role::Server,
+        definitions: &args.definitions,
+        timeout: args.timeout,
+        learn: |middleware, one, types| middleware.learn_service(one, types),
+    }
 }
 
 /// The request that the command line gives: fields, or what a function is called with.
@@ -112,11 +126,20 @@ fn request(args: &CallArgs) -> Result<Call> {
                 Err(error) => Err(Failure::usage(format!("{error:#}"))),
             }
         }
-        (None, None) => Ok(Call {
-            args: arguments("--args", args.args.as_deref())?,
-            kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
-        }),
+        (None, None) => call_of(None, args.kwargs.as_deref(), args.args.as_deref()),
     }
+}
+
+/// The call that has the fields of `value`, or arguments in order and by name.
+pub(in crate::command) fn call_of(
+    fields: Option<&str>,
+    kwargs: Option<&str>,
+    args: Option<&str>,
+) -> Result<Call> {
+    if let Some(text) = fields {
+        return Ok(Call { args: Vec::new(), kwargs: keywords("--value", Some(text))? });
+    }
+    Ok(Call { args: arguments("--args", args)?, kwargs: keywords("--kwargs", kwargs)? })
 }
 
 /// Refuses what is no request of a service that is no function of Wrapyfi.
@@ -157,66 +180,6 @@ fn failed(error: CallError, timeout: Duration) -> Failure {
         }
         _ => Failure::Failed(anyhow::Error::new(error)),
     }
-}
-
-/// Waits until somebody offers the service, and tells its type; `None` when asked to end.
-fn announced(
-    args: &CallArgs,
-    middleware: &dyn Middleware,
-    context: &Context,
-    shutdown: &Shutdown,
-) -> Result<Option<ServiceKind>> {
-    let side = &args.endpoint.middleware;
-    let name = format!("/{}", args.endpoint.name.trim_start_matches('/'));
-    let mut types = definitions::of_command(&args.definitions)?;
-    let mut discovery = middleware.discover().with_context(|| side.clone())?;
-    let deadline = Instant::now() + args.timeout;
-    let mut asked = BTreeSet::new();
-    let mut waiting = Waiting::new(&args.endpoint);
-    while !shutdown.requested() {
-        let found = discovery.endpoints().with_context(|| side.clone())?;
-        let servers = found.into_iter().filter(|one| one.role == EndpointRole::Server);
-        let (mut kinds, mut why) = (BTreeMap::new(), "no node offers it: start one".to_owned());
-        for server in servers.filter(|one| one.name == name) {
-            match middleware.learn_service(&server, &mut types) {
-                Ok(kind) => _ = kinds.insert(kind.to_string(), kind),
-                Err(LearnError::Undefined { .. }) if asked.insert(server.node.clone()) => {
-                    // Now, or never.
-                    described(middleware, &server, &mut types);
-                    if let Ok(kind) = middleware.learn_service(&server, &mut types) {
-                        kinds.insert(kind.to_string(), kind);
-                    }
-                }
-                Err(LearnError::Undefined { reason, .. }) => {
-                    return Err(Failure::Usage(format!("{reason} (--definitions DIR)")));
-                }
-                Err(error) => why = format!("still waiting for {error}; give --type"),
-            }
-        }
-        if kinds.len() > 1 {
-            let names: Vec<String> = kinds.into_keys().collect();
-            let text = format!(
-                "{} has several types: {}; choose one with --type",
-                args.endpoint,
-                names.join(", ")
-            );
-            return Err(Failure::Usage(text));
-        }
-        if let Some((_, only)) = kinds.pop_first() {
-            return Ok(Some(only));
-        }
-        if Instant::now() >= deadline {
-            let why =
-                discovery.waiting_for().map_or(why, |what| format!("still waiting for {what}"));
-            return Err(Failure::TimedOut(format!(
-                "{}: time-out: {why}, or see `wrapyfi list {side}`",
-                args.endpoint
-            )));
-        }
-        waiting.say(discovery.waiting_for().as_deref().unwrap_or("a node that offers it"));
-        wait(&context.wake, Some(deadline));
-    }
-    Ok(None)
 }
 
 #[cfg(test)]

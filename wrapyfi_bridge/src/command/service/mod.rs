@@ -18,6 +18,7 @@ use wrapyfi_endpoint::{EndpointAddress, Wake, codec::json};
 use super::{WAIT_SLICE, definitions, yaml};
 use crate::cli::ServiceName;
 use crate::exit::{Failure, Result};
+use crate::middlewares::conventions;
 
 pub mod call;
 pub mod serve;
@@ -28,7 +29,7 @@ fn kind(
     endpoint: &EndpointAddress,
     folders: &[PathBuf],
 ) -> Result<ServiceKind> {
-    if endpoint.middleware == "zeromq" {
+    if !conventions(&endpoint.middleware).has_service_names {
         return name.0.parse().map_err(Failure::usage);
     }
     ServiceKind::resolve(&name.0, &mut definitions::of_command(folders)?)
@@ -36,13 +37,17 @@ fn kind(
 }
 
 /// The JSON of an option, in Wrapyfi's dialect.
-fn value(option: &str, text: &str) -> Result<Value> {
-    json::decode(&Bytes::copy_from_slice(text.as_bytes()), &Limits::default())
-        .map_err(|error| Failure::Usage(format!("{option}: {error}")))
+pub(in crate::command) fn value(option: &str, text: &str) -> Result<Value> {
+    json::decode(
+        &Bytes::copy_from_slice(text.as_bytes()),
+        &Limits::default(),
+        &wrapyfi_core::plugin::standard(),
+    )
+    .map_err(|error| Failure::Usage(format!("{option}: {error}")))
 }
 
 /// A request or a reply of ROS as `--json` shows it, or as `ros2 topic echo` would.
-fn as_text(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
+pub(in crate::command) fn as_text(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
     let fields = message.fields(message.cdr.len())?;
     if !as_json {
         return yaml::text(&fields);
@@ -53,7 +58,7 @@ fn as_text(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
 }
 
 /// Waits for the bell, and no longer than until `deadline`.
-fn wait(wake: &Wake, deadline: Option<Instant>) {
+pub(in crate::command) fn wait(wake: &Wake, deadline: Option<Instant>) {
     let left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
     wake.wait(left.unwrap_or(Duration::MAX).min(WAIT_SLICE));
 }

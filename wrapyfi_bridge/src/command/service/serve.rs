@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{
     Payload, RosMessage, RosService, ServiceKind, Stamp, Value, fields_of_call, fields_of_return,
 };
 use wrapyfi_endpoint::{
-    Call, Context, EndpointAddress, Request, ServeError, ServeResult, Server, ServiceSpec,
-    Throttle, TopicSpec, codec,
+    Call, Context, EndpointAddress, Request, Role, ServeError, ServeResult, Server, ServiceSpec,
+    Throttle, TopicSpec,
 };
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
@@ -18,7 +18,7 @@ use crate::canonical::canonical;
 use crate::cli::ServeArgs;
 use crate::command::WAIT_SLICE;
 use crate::exit::{Failure, Result};
-use crate::middlewares::{Role, for_service, is_ros};
+use crate::middlewares::{conventions, for_service, is_ros};
 use crate::shutdown::Shutdown;
 use crate::{input, output};
 
@@ -46,7 +46,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<()> {
     let middleware = for_service(&args.endpoint, Role::Server, ports, own)?;
     let mut server = middleware.open_server(&spec, &context).map_err(|error| anyhow!("{error}"))?;
     tracing::info!("serving {kind} at {}", args.endpoint);
-    if args.endpoint.middleware == "zeromq" {
+    if !conventions(&args.endpoint.middleware).has_service_names {
         tracing::info!("no name travels on ZeroMQ: every request to these ports is served");
     }
     let (mut answered, mut refusals) = (0_u64, Throttle::default());
@@ -86,7 +86,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<()> {
     Ok(())
 }
 
-/// Replies, then prints the request: a client does not wait for whoever reads our output. Returns
+/// Replies, then prints the request: a client does not wait for the program that reads our output. Returns
 /// the result of `print`.
 fn answer_first(
     reply: impl FnOnce() -> ServeResult<usize>,
@@ -105,7 +105,8 @@ fn constant(args: &ServeArgs, spec: &ServiceSpec) -> Result<Option<Payload>> {
     let ServiceKind::Ros(service) = spec.kind else {
         if let Some(file) = &args.file {
             let topic = TopicSpec::new(&spec.service, spec.kind.message_type());
-            return input::from_file(file, &topic).map(Some).map_err(Failure::Failed);
+            let payload = input::from_file(file, &topic).map_err(Failure::Failed)?;
+            return Ok(Some(topic.conversion().convert(payload, Stamp::now).context("--file")?));
         }
         let Some(text) = &args.value else { return Ok(None) };
         let payload = convert(value("--value", text)?, spec);
@@ -171,9 +172,8 @@ fn only(mut args: Vec<Value>) -> Value {
 }
 
 fn convert(value: Value, spec: &ServiceSpec) -> Result<Payload, String> {
-    let (to, color_order) = (spec.kind.message_type(), spec.color_order);
-    codec::convert_payload(value.into(), to, color_order, &spec.limits, Stamp::now)
-        .map_err(|error| error.to_string())
+    let conversion = TopicSpec::new(&spec.service, spec.kind.message_type()).conversion();
+    conversion.convert(value.into(), Stamp::now).map_err(|error| error.to_string())
 }
 
 /// The payload as if it were made now.

@@ -8,7 +8,7 @@ use super::super::{DecodeError, Path};
 use super::number;
 use crate::Limits;
 use crate::json_text::{self as text, RawString, TAG, Text};
-use crate::plugin_api::Plugins;
+use crate::plugin::Plugins;
 use crate::types::{Map, Tensor, Value};
 
 pub(super) type Result<T> = std::result::Result<T, DecodeError>;

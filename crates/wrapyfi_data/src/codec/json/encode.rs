@@ -8,7 +8,7 @@ use super::number::{MAX_DIGITS, big_integer, write_float};
 use crate::base64;
 use crate::codec::npy;
 use crate::json_text::{self as text, TAG};
-use crate::plugin_api::{Part, Plugins};
+use crate::plugin::{Part, Plugins};
 use crate::types::{Map, Tensor, Value};
 
 type Result<T> = std::result::Result<T, EncodeError>;

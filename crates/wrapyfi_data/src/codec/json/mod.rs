@@ -24,7 +24,7 @@ mod neutral;
 mod number;
 mod tags;
 
-pub(crate) use neutral::{extents, extents_body, quantity, quantity_body};
+pub use neutral::{extents, extents_body, quantity, quantity_body};
 pub use number::write_float;
 
 use std::borrow::Cow;
@@ -34,36 +34,29 @@ use bytes::Bytes;
 use super::{DecodeError, DecodeResult, EncodeResult};
 use crate::Limits;
 use crate::json_text::TAG;
-use crate::plugin_api::Plugins;
+use crate::plugin::Plugins;
 use crate::types::{Tensor, Value};
 
 /// Reads a native object. Arrays share no bytes with `text`; objects of unknown plug-ins do.
 ///
 /// ```
-/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec}; }
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin}; }
 /// use wrapyfi_core::Limits;
 /// use wrapyfi_core::codec::json;
-/// let value = json::decode(&r#"{"speed": [1, 2.5, NaN]}"#.into(), &Limits::default())?;
+/// use wrapyfi_core::plugin::Plugins;
+/// let value = json::decode(&r#"{"speed": [1, 2.5, NaN]}"#.into(), &Limits::default(), &Plugins::none())?;
 /// assert_eq!(value.get("speed").unwrap().as_items().unwrap()[1].as_f64(), Some(2.5));
 /// # Ok::<(), wrapyfi_data::DecodeError>(())
 /// ```
 ///
 /// # Errors
-/// When `text` is not a native object, or exceeds a limit.
-pub fn decode(text: &Bytes, limits: &Limits) -> DecodeResult<Value> {
-    decode_with(text, limits, &Plugins::standard())
-}
-
-/// [`decode`] with other plug-ins than the standard ones.
-///
-/// # Errors
-/// As [`decode`]. An object that its plug-in refuses is no error: it is carried as
-/// [`crate::types::Tagged`] with the reason.
-pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
+/// When `text` is not a native object, or exceeds a limit. An object that its plug-in refuses is no error: it is
+/// carried as [`crate::types::Tagged`] with the reason.
+pub fn decode(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
     decode::run(text, None, limits, plugins)
 }
 
-/// [`decode_with`] for messages that people and programs without Wrapyfi write too, such as
+/// [`decode`] for messages that people and programs without Wrapyfi write too, such as
 /// `std_msgs/msg/String`: a text that is no JSON is that text. Bytes that are not UTF-8 become U+FFFD.
 ///
 /// ```
@@ -78,10 +71,10 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeRe
 /// ```
 ///
 /// # Errors
-/// As [`decode_with`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
+/// As [`decode`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
 /// meant as an object.
 pub fn decode_or_text(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
-    decode_with(text, limits, plugins).or_else(|error| {
+    decode(text, limits, plugins).or_else(|error| {
         let is_plain = matches!(error, DecodeError::Malformed { .. })
             && memchr::memmem::find(text, TAG.as_bytes()).is_none();
         match String::from_utf8_lossy(text) {
@@ -113,16 +106,9 @@ pub fn decode_with_tensors(
 /// becomes `float32`.
 ///
 /// # Errors
-/// When something inside has no form in Wrapyfi's JSON; the message says where and what to do.
-pub fn encode(value: &Value) -> EncodeResult<Vec<u8>> {
-    encode_with(value, &Plugins::standard())
-}
-
-/// [`encode`] with other plug-ins than the standard ones.
-///
-/// # Errors
-/// As [`encode`], and when the plug-in of an object inside is not among `plugins`.
-pub fn encode_with(value: &Value, plugins: &Plugins) -> EncodeResult<Vec<u8>> {
+/// When something inside has no form in Wrapyfi's JSON, or the plug-in of an object inside is not among `plugins`; the
+/// message says where and what to do.
+pub fn encode(value: &Value, plugins: &Plugins) -> EncodeResult<Vec<u8>> {
     encode::run(value, None, plugins).map(|(text, _)| text)
 }
 

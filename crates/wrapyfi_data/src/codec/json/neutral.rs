@@ -77,12 +77,16 @@ fn text(map: &Map, key: &str) -> Result<String, String> {
 }
 
 /// Writes a number with its unit as the dict that pint's plug-in sends, too.
-pub(crate) fn quantity_body(quantity: &Quantity) -> Value {
+pub fn quantity_body(quantity: &Quantity) -> Value {
     let units = Value::from(quantity.units.as_str());
     Map::from_iter([("magnitude", quantity.magnitude.clone()), ("units", units)]).into()
 }
 
-pub(crate) fn quantity(body: &Value) -> Result<Quantity, String> {
+/// Reads what [`quantity_body`] writes.
+///
+/// # Errors
+/// When the dict lacks a magnitude that is a number, or its units; the text says what.
+pub fn quantity(body: &Value) -> Result<Quantity, String> {
     let magnitude = body.get("magnitude").ok_or("no magnitude")?;
     match magnitude {
         Value::Int(_) | Value::BigInt(_) | Value::Float(_) => {}
@@ -146,7 +150,7 @@ fn named(body: Option<&Value>, what: &str) -> Result<Vec<(String, Variable)>, St
 }
 
 /// Reads extents, which are numbers from 0 on, by the names of their dimensions.
-pub(crate) fn extents(dims: &Map) -> Option<Vec<(String, usize)>> {
+pub fn extents(dims: &Map) -> Option<Vec<(String, usize)>> {
     let extent = |(name, extent): (&Value, &Value)| {
         Some((name.as_str()?.to_owned(), usize::try_from(extent.as_i64()?).ok()?))
     };
@@ -154,7 +158,7 @@ pub(crate) fn extents(dims: &Map) -> Option<Vec<(String, usize)>> {
 }
 
 /// Writes extents by the names of their dimensions.
-pub(crate) fn extents_body(dims: &[(String, usize)]) -> Map {
+pub fn extents_body(dims: &[(String, usize)]) -> Map {
     Map::from_iter(dims.iter().map(|(name, extent)| (&**name, *extent as u64)))
 }
 

@@ -18,7 +18,7 @@ use super::neutral;
 use crate::base64;
 use crate::codec::npy::{self, NpyArray};
 use crate::json_text::{TAG, Text};
-use crate::plugin_api::{Body, Element, Unpacking};
+use crate::plugin::{Body, Element, Unpacking};
 use crate::types::{Value, unique_members};
 
 impl Decoder<'_> {

@@ -13,9 +13,6 @@ mod header;
 mod literal;
 mod transpose;
 
-#[cfg(feature = "zarr")]
-pub(crate) use transpose::to_row_major;
-
 use std::borrow::Cow;
 
 use bytes::Bytes;
@@ -23,8 +20,7 @@ use bytes::Bytes;
 use super::{DecodeError, Path};
 use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
 
-#[cfg(feature = "torch")]
-pub(crate) use transpose::gather;
+pub use transpose::{gather, to_row_major};
 
 /// Array of a `.npy` file.
 ///
@@ -86,7 +82,7 @@ fn read_file(file: &Bytes) -> Result<NpyArray, String> {
 
 /// Order in which the elements of an array lie.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Order {
+pub enum Order {
     /// The last index counts fastest.
     RowMajor,
     /// The first index counts fastest.
@@ -97,7 +93,10 @@ pub(super) enum Order {
 
 /// Makes an array of its `descr`, its shape and its elements. Shares `data` unless elements have to
 /// be reordered.
-pub(super) fn from_parts(
+///
+/// # Errors
+/// When the `descr` is not known, or `data` is not as long as `shape` says.
+pub fn from_parts(
     descr: &str,
     shape: Vec<usize>,
     order: &Order,
@@ -117,8 +116,11 @@ pub(super) fn from_parts(
     build(parsed, descr.to_owned(), shape, order, data)
 }
 
-/// Bytes of one element of this `descr`.
-pub(super) fn itemsize(descr: &str) -> Result<usize, String> {
+/// Size in bytes of one element of this `descr`.
+///
+/// # Errors
+/// When the `descr` is not known.
+pub fn itemsize(descr: &str) -> Result<usize, String> {
     literal::parse_descr(descr).map(|descr| descr.itemsize)
 }
 
@@ -172,7 +174,7 @@ pub(super) fn parts(tensor: &Tensor) -> (Vec<u8>, Cow<'_, [u8]>) {
 }
 
 /// Header and elements of a file, for writers that keep them; the elements are shared.
-pub(crate) fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
+pub fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
     match parts(tensor) {
         (header, Cow::Borrowed(_)) => (header, tensor.data.clone()),
         (header, Cow::Owned(data)) => (header, data.into()),
@@ -180,8 +182,7 @@ pub(crate) fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
 }
 
 /// Header of a file of elements `code`, for instance `<i4`, in row-major order.
-#[cfg(feature = "zarr")]
-pub(crate) fn header_for(code: &str, shape: &[usize]) -> Vec<u8> {
+pub fn header_for(code: &str, shape: &[usize]) -> Vec<u8> {
     header::write(&format!("'{code}'"), shape)
 }
 

@@ -4,7 +4,7 @@ use bytes::Bytes;
 
 /// The elements of a column-major array with this shape in row-major order. Shared where both
 /// orders are the same.
-pub(crate) fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Bytes {
+pub fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Bytes {
     let long_axes = shape.iter().filter(|&&extent| extent != 1).count();
     if long_axes < 2 || data.is_empty() {
         return data;
@@ -23,7 +23,7 @@ pub(crate) fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Byt
 
 /// The elements of a strided view of `data` in row-major order. Strides and `offset` count bytes;
 /// the caller has checked that every element lies in `data`, and that there is one.
-pub(crate) fn gather(
+pub fn gather(
     data: &[u8],
     shape: &[usize],
     strides: &[usize],

@@ -9,10 +9,11 @@
 //!
 //! Properties have no message: they are the parameters of a node, behind its services. Pixels, samples
 //! and the elements of arrays are shared with the CDR bytes in both directions.
-//! Conversions that cost time, such as JPEG, belong to whoever calls: here a payload of another
+//! Conversions that cost time, such as JPEG, belong to the caller: here a payload of another
 //! form is a mismatch.
 
 pub(super) mod audio;
+mod function;
 pub(super) mod image;
 mod native;
 mod part;
@@ -26,28 +27,21 @@ use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
+pub use self::function::{decode_reply, encode_reply};
 pub(super) use self::native::plain;
 pub(super) use self::part::countable;
 use self::part::describe_pixels;
 pub use self::part::fault;
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use crate::Limits;
-use crate::plugin_api::Plugins;
+use crate::plugin::Plugins;
 use crate::types::{MessageType, Payload, RosMessage, Value};
 
 /// Writes `payload` as a message of type `message_type`.
 ///
 /// # Errors
 /// When the payload is not of the kind or the form that the type carries, or has no JSON form.
-pub fn encode(payload: &Payload, message_type: MessageType) -> EncodeResult<CdrParts> {
-    encode_with(payload, message_type, &Plugins::standard())
-}
-
-/// [`encode`] with other plug-ins than the standard ones.
-///
-/// # Errors
-/// As [`encode`].
-pub fn encode_with(
+pub fn encode(
     payload: &Payload,
     message_type: MessageType,
     plugins: &Plugins,
@@ -64,7 +58,7 @@ pub fn encode_with(
             audio::upstream_message(sound).map(|message| message.encode())
         }
         (Payload::NativeObject(object), MessageType::NativeObject) => {
-            native::encode(object, plugins)
+            native::message(object, plugins).map(|message| message.encode())
         }
         (Payload::NativeObject(value), MessageType::StringJson) => {
             native::encode_text(value, plugins)
@@ -83,15 +77,7 @@ pub fn encode_with(
 ///
 /// # Errors
 /// When the bytes are no such message, exceed `limits`, or contradict themselves.
-pub fn decode(cdr: &Bytes, message_type: MessageType, limits: &Limits) -> DecodeResult<Payload> {
-    decode_with(cdr, message_type, limits, &Plugins::standard())
-}
-
-/// [`decode`] with other plug-ins than the standard ones.
-///
-/// # Errors
-/// As [`decode`].
-pub fn decode_with(
+pub fn decode(
     cdr: &Bytes,
     message_type: MessageType,
     limits: &Limits,

@@ -9,20 +9,19 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use super::part::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
 use crate::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
-use crate::plugin_api::Plugins;
+use crate::plugin::Plugins;
 use crate::types::{Dtype, NativeObject, Tensor, Value};
 
-pub(super) fn encode(object: &NativeObject, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
+pub(super) fn message(object: &NativeObject, plugins: &Plugins) -> EncodeResult<msg::NativeObject> {
     let (json, tensors) = json::encode_with_tensors(&object.value, plugins)?;
     let tensors = tensors.into_iter().map(tensor_message).collect::<Result<_, _>>()?;
     let header = header(object.stamp, &object.frame_id);
-    let message = msg::NativeObject { header, json: text(json)?, tensors };
-    Ok(message.encode())
+    Ok(msg::NativeObject { header, json: text(json)?, tensors })
 }
 
 /// Writes a `std_msgs/msg/String`. Its text holds whole images: it is shared, not copied.
 pub(super) fn encode_text(value: &Value, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
-    let json = json::encode_with(value, plugins)?;
+    let json = json::encode(value, plugins)?;
     countable("data", json.len().saturating_add(1))?; // with the terminator
     let mut writer = CdrWriter::new();
     writer.write_text(&Bytes::from(json));

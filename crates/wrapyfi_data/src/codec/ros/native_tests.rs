@@ -8,6 +8,14 @@ use super::tests::{recorded, unhex};
 use super::*;
 use crate::types::{Map, NativeObject, Stamp, Tensor, Value};
 
+fn encode(payload: &Payload, message_type: MessageType) -> EncodeResult<CdrParts> {
+    super::encode(payload, message_type, &Plugins::none())
+}
+
+fn decode(cdr: &Bytes, message_type: MessageType, limits: &Limits) -> DecodeResult<Payload> {
+    super::decode(cdr, message_type, limits, &Plugins::none())
+}
+
 fn limits() -> Limits {
     Limits::default()
 }

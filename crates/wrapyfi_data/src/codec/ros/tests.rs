@@ -22,6 +22,14 @@ pub(super) fn unhex(text: &str) -> Bytes {
     text.as_bytes().chunks(2).map(|pair| digit(&pair[0]) << 4 | digit(&pair[1])).collect()
 }
 
+fn encode(payload: &Payload, message_type: MessageType) -> EncodeResult<CdrParts> {
+    super::encode(payload, message_type, &Plugins::none())
+}
+
+fn decode(cdr: &Bytes, message_type: MessageType, limits: &Limits) -> DecodeResult<Payload> {
+    super::decode(cdr, message_type, limits, &Plugins::none())
+}
+
 fn payload(cdr: &Bytes, message_type: MessageType) -> Result<Payload, DecodeError> {
     decode(cdr, message_type, &Limits::default())
 }

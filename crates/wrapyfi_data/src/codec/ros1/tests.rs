@@ -4,12 +4,12 @@ use super::*;
 use crate::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Value};
 
 fn bytes(payload: &Payload, message_type: MessageType) -> Vec<u8> {
-    encode(payload, message_type, 7, &Limits::default(), &Plugins::standard()).unwrap().concat()
+    encode(payload, message_type, 7, &Limits::default(), &Plugins::none()).unwrap().concat()
 }
 
 fn read(message: &[u8], message_type: MessageType) -> Result<Payload, DecodeError> {
     let message = Bytes::copy_from_slice(message);
-    decode(&message, message_type, &Limits::default(), &Plugins::standard())
+    decode(&message, message_type, &Limits::default(), &Plugins::none())
 }
 
 const WHEN: Stamp = Stamp { sec: 1_795_214_428, nanosec: 500_000_000 };
@@ -80,9 +80,9 @@ fn what_is_cut_or_too_long_is_told() {
     let error = read(&longer, MessageType::StringJson).unwrap_err().to_string();
     assert!(error.contains("1 bytes are left behind the last field"), "{error}");
     let small = Limits { message_bytes: 5, ..Limits::default() };
-    let refused = encode(&payload, MessageType::StringJson, 0, &small, &Plugins::standard());
+    let refused = encode(&payload, MessageType::StringJson, 0, &small, &Plugins::none());
     assert!(matches!(refused, Err(EncodeError::TooLarge { .. })));
-    let other = encode(&payload, MessageType::Image, 0, &Limits::default(), &Plugins::standard());
+    let other = encode(&payload, MessageType::Image, 0, &Limits::default(), &Plugins::none());
     assert!(other.unwrap_err().to_string().contains("sensor_msgs/Image"));
 }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::*;
 use crate::Limits;
 use crate::codec::json;
+use crate::plugin::Plugins;
 use crate::types::{DateTime, Map, Tensor};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -66,15 +67,16 @@ fn what_goes_in_comes_out() {
 /// Keys become text on the way, as in Python.
 #[test]
 fn what_goes_over_the_wire_comes_out() {
-    let text = json::encode(&to_value(&everything()).unwrap()).unwrap();
-    let value = json::decode(&Bytes::from(text), &Limits::default()).unwrap();
+    let text = json::encode(&to_value(&everything()).unwrap(), &Plugins::none()).unwrap();
+    let value = json::decode(&Bytes::from(text), &Limits::default(), &Plugins::none()).unwrap();
     assert_eq!(from_value::<Everything>(value).unwrap(), everything());
 }
 
 #[test]
 fn forms_are_those_a_python_user_expects() {
     let text = |command: Command| {
-        String::from_utf8(json::encode(&to_value(&command).unwrap()).unwrap()).unwrap()
+        String::from_utf8(json::encode(&to_value(&command).unwrap(), &Plugins::none()).unwrap())
+            .unwrap()
     };
     assert_eq!(text(Command::Stop), r#""Stop""#);
     assert_eq!(text(Command::Turn(0.5)), r#"{"Turn": 0.5}"#);

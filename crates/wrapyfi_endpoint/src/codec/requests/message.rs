@@ -8,16 +8,15 @@
 use crate::codec::{EncodeError, EncodeResult};
 use crate::{Call, Request};
 use wrapyfi_data::types::{
-    Payload, RosMessage, RosService, RosType, RosValueError, fields_of_call, fields_of_return,
+    Payload, RosMessage, RosType, RosValueError, fields_of_call, fields_of_return,
 };
 
-/// Encodes a request as the request message of the service.
+/// Encodes a request as a message of type `ros_type`, the request of a service or the goal of an action.
 pub fn asked_message(
     request: &Request,
-    service: RosService,
+    ros_type: RosType,
     most: usize,
 ) -> EncodeResult<RosMessage> {
-    let ros_type = service.request();
     match request {
         Request::Message(message) => given(message, ros_type, most),
         Request::Call(Call { args, kwargs }) => fields_of_call(ros_type, args, kwargs, most)
@@ -26,13 +25,12 @@ pub fn asked_message(
     }
 }
 
-/// Encodes a returned value as the response message of the service.
+/// Encodes a returned value as a message of type `ros_type`, the response of a service or the result of an action.
 pub fn returned_message(
     payload: &Payload,
-    service: RosService,
+    ros_type: RosType,
     most: usize,
 ) -> EncodeResult<RosMessage> {
-    let ros_type = service.response();
     match payload {
         Payload::RosMessage(message) => given(message, ros_type, most),
         Payload::NativeObject(value) => fields_of_return(ros_type, value, most)
@@ -61,7 +59,7 @@ mod tests {
     use wrapyfi_interfaces::store::TypeStore;
 
     use super::*;
-    use wrapyfi_data::types::{Map, Value};
+    use wrapyfi_data::types::{Map, RosService, Value};
 
     fn service(name: &str) -> RosService {
         RosService::new(&TypeStore::generated().resolve_name(name).unwrap()).unwrap()
@@ -76,7 +74,7 @@ mod tests {
             Request::default().with(Map::from([("data", true)])),
             Request::new([Value::from(Map::from([("data", true)]))]),
         ] {
-            let message = asked_message(&request, switch, 100).unwrap();
+            let message = asked_message(&request, switch.request(), 100).unwrap();
             assert_eq!(message.cdr[..5], *golden);
             assert_eq!(
                 Request::Message(message.clone()).call().unwrap().kwargs,
@@ -84,24 +82,28 @@ mod tests {
             );
             // The bytes pass unread, even a byte that is no bool.
             let odd = RosMessage::new(switch.request(), &b"\0\x01\0\0\x07"[..]);
-            assert_eq!(asked_message(&Request::Message(odd.clone()), switch, 100), Ok(odd));
+            assert_eq!(
+                asked_message(&Request::Message(odd.clone()), switch.request(), 100),
+                Ok(odd)
+            );
         }
         // success, three bytes of padding, length with the NUL, text
         let golden: &[u8] = &[0, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, b'o', b'k', 0];
         let reply =
             Value::from(Map::from([("success", Value::from(true)), ("message", "ok".into())]));
-        let message = returned_message(&reply.into(), switch, 100).unwrap();
+        let message = returned_message(&reply.into(), switch.response(), 100).unwrap();
         assert_eq!(message.cdr[..golden.len()], *golden);
-        assert_eq!(returned_message(&message.clone().into(), switch, 100), Ok(message));
+        assert_eq!(returned_message(&message.clone().into(), switch.response(), 100), Ok(message));
     }
 
     #[test]
     fn messages_of_another_type_and_too_large_ones_are_refused() {
         let (switch, trigger) = (service("std_srvs/srv/SetBool"), service("std_srvs/srv/Trigger"));
-        let message = asked_message(&Request::new([true.into()]), switch, 100).unwrap();
-        let error = asked_message(&Request::Message(message.clone()), trigger, 100).unwrap_err();
+        let message = asked_message(&Request::new([true.into()]), switch.request(), 100).unwrap();
+        let error =
+            asked_message(&Request::Message(message.clone()), trigger.request(), 100).unwrap_err();
         assert!(matches!(error, EncodeError::Mismatch { .. }), "{error}");
-        let error = asked_message(&Request::Message(message), switch, 4).unwrap_err();
+        let error = asked_message(&Request::Message(message), switch.request(), 4).unwrap_err();
         assert!(matches!(error, EncodeError::TooLarge { limit: 4, .. }), "{error}");
     }
 }

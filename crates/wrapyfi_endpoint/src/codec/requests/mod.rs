@@ -8,25 +8,22 @@
 //!   error         {"error": "why", "__wrapyfi__": ["datetime", "error: why"]}
 //! ```
 //!
-//! Between two programs of ours a reply has another form: the [`mark`] in front of it says so, and
-//! its body is the CDR of [`super::ros`]. `docs/reference/wire/zeromq-requests.md` explains that
-//! Python never sees it.
+//! Between two programs of ours a reply on ZeroMQ has another form, which `wrapyfi_zeromq` reads and writes:
+//! `docs/reference/wire/zeromq-requests.md` explains that Python never sees it.
 //!
 //! Python Wrapyfi has no form for errors. Ours is JSON whose `__wrapyfi__` member cannot be read: a
 //! Python client of native objects raises `ValueError` with the text in it, one of images or sound
 //! `KeyError`, and neither takes it for a value or waits for ever.
 
 mod lists;
-pub mod mark;
 mod message;
 
 use std::borrow::Cow;
 
 use bytes::Bytes;
 
-use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, json, received_as, ros};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, check_form, json, ros};
 use crate::{Call, Request, ServiceSpec};
-use mark::Content;
 pub use message::{asked_message, returned_message};
 use wrapyfi_data::types::{CompressedFormat, DataType, Image, Map, Payload, Pixels, Stamp, Value};
 
@@ -66,7 +63,7 @@ pub fn encode_request(request: &Request, spec: &ServiceSpec) -> EncodeResult<Vec
         });
     }
     let both = Value::List(vec![Value::Tuple(args.clone()), Value::Map(kwargs.clone())]);
-    let text = json::encode_with(&both, &spec.plugins)?;
+    let text = json::encode(&both, &spec.plugins)?;
     EncodeError::check_size(text.len(), spec.limits.message_bytes)?;
     Ok(text)
 }
@@ -76,7 +73,7 @@ pub fn encode_request(request: &Request, spec: &ServiceSpec) -> EncodeResult<Vec
 /// # Errors
 /// When it is no list of arguments and keyword arguments, or exceeds a limit.
 pub fn decode_request(body: &Bytes, spec: &ServiceSpec) -> DecodeResult<Request> {
-    let call = json::decode_with(body, &spec.limits, &spec.plugins)?;
+    let call = json::decode(body, &spec.limits, &spec.plugins)?;
     let wrong = |actual: &str| DecodeError::mismatch("a request [args, kwargs]", actual.to_owned());
     let (Value::List(parts) | Value::Tuple(parts)) = call else { return Err(wrong(call.kind())) };
     match <[Value; 2]>::try_from(parts) {
@@ -125,18 +122,17 @@ pub fn from_value(value: Value) -> DecodeResult<Request> {
     Ok(read.into())
 }
 
-/// Writes a reply as Wrapyfi's clients read it. Pictures are compressed or decompressed to the form
-/// of the service.
+/// Writes a reply as Wrapyfi's clients read it.
 ///
 /// # Errors
 /// When `payload` is not of the service's kind, has no form there, or exceeds the message size.
 pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> EncodeResult<Vec<u8>> {
     let wanted = spec.kind.data_type();
     let payload = &*without_messages(payload)?;
-    let payload = &*fit(payload, spec)?;
+    check_form(payload, spec.kind.message_type())?;
     let body = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(value)) => {
-            json::encode_with(value, &spec.plugins)?
+            json::encode(value, &spec.plugins)?
         }
         (DataType::Image, Payload::Image(image)) => match &image.pixels {
             Pixels::Compressed { data, .. } => data.to_vec(),
@@ -165,14 +161,14 @@ pub fn decode_reply(
     }
     Ok(Ok(match spec.kind.data_type() {
         DataType::NativeObject => {
-            json::decode_with(body, &spec.limits, &spec.plugins).map(Payload::from)?
+            json::decode(body, &spec.limits, &spec.plugins).map(Payload::from)?
         }
         DataType::Image => {
             let pixels = match CompressedFormat::sniff(body) {
                 Some(format) => Pixels::Compressed { format, data: body.clone() },
                 None => Pixels::Raw(lists::read_image(body, spec)?),
             };
-            received(Image::new(now, pixels).into(), spec, now)?
+            Image::new(now, pixels).into()
         }
         DataType::AudioChunk => Payload::AudioChunk(lists::read_sound(body, now)?),
         #[allow(unreachable_patterns)] // for kinds that no service returns
@@ -192,7 +188,9 @@ pub fn beginning(text: &str, most: usize) -> &str {
 /// Writes the reason that there is no reply, in a form that ends the call of every Wrapyfi client.
 pub fn encode_error(text: &str) -> Vec<u8> {
     // By hand: a dict with this member has no form in Wrapyfi's JSON.
-    let quoted = |text: &str| json::encode(&Value::from(text)).unwrap_or_default();
+    let quoted = |text: &str| {
+        json::encode(&Value::from(text), &wrapyfi_plugins::standard()).unwrap_or_default()
+    };
     let mut error = b"{\"error\": ".to_vec();
     error.extend(quoted(text));
     error.extend_from_slice(b", \"__wrapyfi__\": [\"datetime\", ");
@@ -221,50 +219,6 @@ fn error_text(body: &Bytes) -> Option<String> {
     let tagged = tag.get(0)?.as_str() == Some("datetime")
         && tag.get(1)?.as_str()?.strip_prefix(ERROR) == Some(text);
     tagged.then(|| text.to_owned())
-}
-
-/// Writes a reply as our clients read it: a message of the data model as CDR, and its kind.
-///
-/// # Errors
-/// As [`encode_reply`].
-pub fn encode_binary(payload: &Payload, spec: &ServiceSpec) -> EncodeResult<(Content, Bytes)> {
-    let content = Content::of(spec.kind.message_type());
-    let payload = &*without_messages(payload)?;
-    if payload.data_type() != spec.kind.data_type() {
-        return Err(other_kind(payload, spec));
-    }
-    let body = ros::encode_with(&*fit(payload, spec)?, content.message_type(), &spec.plugins)?;
-    EncodeError::check_size(body.len(), spec.limits.message_bytes)?;
-    Ok((content, body.to_bytes()))
-}
-
-/// Reads [`encode_binary`].
-///
-/// # Errors
-/// When the reply is of another kind than the service's, malformed, or exceeds a limit.
-pub fn decode_binary(content: Content, body: &Bytes, spec: &ServiceSpec) -> DecodeResult<Payload> {
-    let message_type = content.message_type();
-    if message_type.data_type() != spec.kind.data_type() {
-        return Err(DecodeError::mismatch(
-            spec.kind.data_type().to_string(),
-            message_type.data_type().to_string(),
-        ));
-    }
-    let payload = ros::decode_with(body, message_type, &spec.limits, &spec.plugins)?;
-    received(payload, spec, Stamp::default())
-}
-
-/// Converts a picture that is to be returned to the form of the service: pixels, or a file.
-fn fit<'p>(payload: &'p Payload, spec: &ServiceSpec) -> EncodeResult<Cow<'p, Payload>> {
-    fitted(payload, spec.kind.message_type(), spec.color_order, &spec.limits)
-}
-
-/// Converts what was returned to what the client asked for; `now` stands in for a time that is missing.
-///
-/// # Errors
-/// When the service returns no such thing.
-pub fn received(payload: Payload, spec: &ServiceSpec, now: Stamp) -> DecodeResult<Payload> {
-    received_as(payload, spec.kind.message_type(), spec.color_order, &spec.limits, now)
 }
 
 fn other_kind(payload: &Payload, spec: &ServiceSpec) -> EncodeError {

@@ -28,7 +28,7 @@ fn number(fields: &Value, path: &str) -> f64 {
 }
 
 fn bottle(bytes: impl Into<Bytes>) -> Bottle {
-    let limits = wrapyfi_yarp::Limits::default();
+    let limits = wrapyfi_yarp::WireLimits::default();
     Bottle::decode_whole(&bytes.into(), Dialect::V3, &limits).unwrap()
 }
 

@@ -87,7 +87,7 @@ fn requests_of_either_are_read() {
     let spec =
         wrapyfi_endpoint::ServiceSpec { options, ..wrapyfi_endpoint::ServiceSpec::new("/s", kind) };
     let options = YarpOptions::of_service(&spec).unwrap();
-    let limits = wrapyfi_yarp::Limits::default();
+    let limits = wrapyfi_yarp::WireLimits::default();
     let bottle = Bottle::from_text(b"[set] [pos] 2 10.5", &limits).unwrap();
     for wrote in [Dialect::V3, Dialect::V4] {
         let bytes = Bytes::from(bottle.encode(wrote).unwrap());
@@ -111,7 +111,7 @@ fn the_first_error_is_told_where_neither_fits() {
     assert!(error.contains("malformed bottle"), "{error}");
     // Whole in V4 alone: what is wrong there is told, not that it is V4.
     let numbers = topic(MessageType::Ros(ros("std_msgs/msg/Float64MultiArray")), []);
-    let limits = wrapyfi_yarp::Limits::default();
+    let limits = wrapyfi_yarp::WireLimits::default();
     let words = Bottle::from_text(b"1 2.5 three", &limits).unwrap().encode(Dialect::V4).unwrap();
     let error = read(words, &numbers).unwrap_err().to_string();
     assert!(error.starts_with("expected a vector or a matrix of numbers"), "{error}");

@@ -159,7 +159,7 @@ fn jpeg_images_of_wrapyfi() {
         assert_eq!(*format, CompressedFormat::Jpeg);
         assert!(data.ends_with(&[0xFF, 0xD9]));
         assert_eq!(bytes_of(&payload, &spec), bytes);
-        // Whoever wants pixels gets them.
+        // The program that wants pixels gets them.
         let raw = wrapyfi_endpoint::codec::jpeg::decode(data, &spec.limits, None).unwrap();
         assert_eq!((raw.width, raw.height), (16, 8));
     }

@@ -44,13 +44,13 @@ fn bytes_of(payload: &Payload, spec: &TopicSpec) -> Bytes {
 
 /// The bytes of what is typed into `yarp write`.
 fn typed(text: &str) -> Vec<u8> {
-    let bottle = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default()).unwrap();
+    let bottle = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::WireLimits::default()).unwrap();
     bottle.encode(Dialect::V3).unwrap()
 }
 
 /// The text that `yarp read` shows.
 fn shown(bytes: &Bytes) -> String {
-    let limits = wrapyfi_yarp::Limits::default();
+    let limits = wrapyfi_yarp::WireLimits::default();
     Bottle::decode_whole(bytes, Dialect::V3, &limits).unwrap().to_text()
 }
 

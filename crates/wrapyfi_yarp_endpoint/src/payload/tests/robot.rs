@@ -107,7 +107,7 @@ fn positions_are_moved_to_in_the_units_and_the_order_of_the_board() {
     assert_eq!(written(&options), "([poss]) (180.0 -90.0 0.25)");
     // YARP 4 has the interface before the word.
     let bytes = encode(&payload, &spec, &options, Dialect::V4).unwrap().payload.bytes;
-    let read = Bottle::decode_whole(&bytes, Dialect::V4, &wrapyfi_yarp::Limits::default());
+    let read = Bottle::decode_whole(&bytes, Dialect::V4, &wrapyfi_yarp::WireLimits::default());
     assert_eq!(read.unwrap().to_text(), "([ipos] [poss]) (180.0 -90.0 0.25)");
 }
 
@@ -324,7 +324,7 @@ proptest! {
         let (names, values) = (&order[..count], &values[..count]);
         let payload = state(names, "velocity", values);
         let bytes = encode(&payload, &spec, &options, dialect).unwrap().payload.bytes;
-        let limits = wrapyfi_yarp::Limits::default();
+        let limits = wrapyfi_yarp::WireLimits::default();
         let bottle = Bottle::decode_whole(&bytes, dialect, &limits).unwrap();
         let [head, body] = bottle.values.as_slice() else { panic!("{bottle:?}") };
         let (head, body) = (head.as_list().unwrap(), body.as_list().unwrap());

@@ -74,7 +74,7 @@ fn functions_of_wrapyfi_are_json() {
     assert_eq!(asked(&text, &spec), call);
     assert_eq!(answer(Value::Null, &spec), "null");
     assert_eq!(answered("\"{\\\"i\\\": 5}\"", &spec), Ok(Map::from([("i", 5)]).into()));
-    // Whoever types a request need not know JSON, nor does a server that answers one.
+    // A user who types a request need not know JSON, nor does a server that answers one.
     assert_eq!(asked("on 0.5", &spec), Request::new(["on".into(), 0.5.into()]));
     assert_eq!(asked("on", &spec), Request::new(["on".into()]));
     assert_eq!(asked("", &spec), Request::default());
