@@ -20,7 +20,7 @@ use crate::{
     ActionClient, ActionSpec, Client, Context, GoalOutcome, GoalUpdate, Link, Listener, Middleware,
     OpenError, Opened, Request, ServiceSpec, Ticket, TopicSpec,
 };
-use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_data::types::{Map, MessageType, Payload, RosAction, ServiceKind, Value};
 use wrapyfi_interfaces::dynamic::DynamicValue;
 
 /// Option that names the topic of the feedback.
@@ -87,10 +87,8 @@ pub fn open(
             check_option(name, value).map_err(wrong)?;
         }
     }
+    check_until(&spec.options, spec.kind).map_err(wrong)?;
     let text = |name: &str| option(name).and_then(Value::as_str);
-    if let Some(field) = text(UNTIL) {
-        check_until(spec, field).map_err(wrong)?;
-    }
     let service = |kind| ServiceSpec {
         timeout: spec.timeout.unwrap_or(NO_TIMEOUT),
         pending: spec.goals,
@@ -146,12 +144,16 @@ pub fn open(
     }))
 }
 
-/// Checks that `field` can say when a goal of the action is over.
-fn check_until(spec: &ActionSpec, field: &str) -> Result<(), String> {
-    if spec.options.get(FEEDBACK).or_else(|| spec.options.get(POLL)).is_none() {
+/// Checks that the option `until`, where it is given, can say when a goal of the action is over.
+///
+/// # Errors
+/// When nothing gives feedback, or the feedback has no such field that is true or false.
+pub fn check_until(options: &Map, kind: RosAction) -> Result<(), String> {
+    let Some(field) = options.get(UNTIL).and_then(Value::as_str) else { return Ok(()) };
+    if options.get(FEEDBACK).or_else(|| options.get(POLL)).is_none() {
         return Err("option until is about feedback: give the option feedback or poll, too".into());
     }
-    let kind = spec.kind.feedback();
+    let kind = kind.feedback();
     let defaults = kind.plan().default_message();
     if let Some(DynamicValue::Bool(_)) = defaults.get(field) {
         return Ok(());
@@ -372,7 +374,6 @@ mod tests {
     use super::*;
     use crate::Clock;
     use crate::memory::Memory;
-    use wrapyfi_data::types::{Map, RosAction};
 
     fn action(name: &str, text: &str) -> RosAction {
         let name = TypeName::parse(Dialect::Ros2, name).unwrap();

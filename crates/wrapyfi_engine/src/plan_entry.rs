@@ -406,9 +406,10 @@ impl<'r> Reader<'r> {
         types: Option<(RouteTypes, Typing)>,
     ) -> Policy {
         let config = &entry.value;
-        let types = match types {
-            Some((RouteTypes::Topic(types), Typing::Given)) => Some(types),
-            _ => None,
+        let (types, action) = match types {
+            Some((RouteTypes::Topic(types), Typing::Given)) => (Some(types), None),
+            Some((RouteTypes::Action(kind), _)) => (None, kind),
+            _ => (None, None),
         };
         let color_order = match config.encoding.as_ref().map(|it| (it, it.value.as_str())) {
             None | Some((_, "bgr8")) => Encoding::Bgr8,
@@ -438,8 +439,8 @@ impl<'r> Reader<'r> {
         }
         let devices = self.device_maps(config.devices.as_ref());
         let options = ends.map(|(from, to, _)| {
-            let problems = &mut self.problems;
-            plan_options::read(&config.options, [from, to], self.middlewares, interaction, problems)
+            let (written, all) = (&config.options, self.middlewares);
+            plan_options::read(written, [from, to], all, interaction, action, &mut self.problems)
         });
         let is_many = ends.is_some_and(|(_, _, names)| names.is_some());
         let is_lazy = is_many && interaction == Interaction::Topic;

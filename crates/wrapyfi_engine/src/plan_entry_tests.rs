@@ -239,15 +239,22 @@ fn every_mistake_is_refused_with_its_line_and_a_remedy() {
 #[test]
 fn an_action_goes_where_there_are_actions_and_comes_from_functions_too() {
     let known = |name, interactions| Available { name, interactions, ..Available::default() };
+    let no_blank = |topic: &str| match topic.contains(' ') {
+        true => Err(format!("{topic:?} has a blank")),
+        false => Ok(()),
+    };
+    let zeromq = known("zeromq", Interaction::TOPICS_AND_SERVICES);
     let available = [
         known("ros", &Interaction::ALL[..]),
         known("ros2", &Interaction::ALL),
-        known("zeromq", Interaction::TOPICS_AND_SERVICES),
+        Available { check_topic: &no_blank, ..zeromq },
         known("mine", &[Interaction::Topic]),
     ];
     let mut types = TypeStore::generated();
     let name = TypeName::parse(Dialect::Ros2, "demo/action/Count").unwrap();
-    types.add_definition(&name, "int32 to\n---\nint32 reached\n---\nint32 at\n").unwrap();
+    types
+        .add_definition(&name, "int32 to\n---\nint32 reached\n---\nint32 at\nbool done\n")
+        .unwrap();
     let mut read = |route: &str| {
         let text = format!("routes:\n  - {{ {route} }}\n");
         let config: Config<NoEndpoints> = Config::from_yaml(&text, "bridge.yaml").unwrap();
@@ -262,8 +269,11 @@ fn an_action_goes_where_there_are_actions_and_comes_from_functions_too() {
     assert_eq!(function, "ros2:/count -> zeromq:/count  demo/action/Count");
     let options = "options: { feedback: /progress, poll_ms: 50 }";
     assert!(read(&format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, {options}")).is_ok());
+    let until = "options: { poll: state, until: done }";
+    assert!(read(&format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, {until}")).is_ok());
     let timed = format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, timeout_ms: 60000");
     assert!(read(&timed).unwrap().ends_with("demo/action/Count  within 60000 ms"));
+    let function_of = format!("action: 'zeromq:/a', as: 'ros2:/a', {given}");
     for (route, why) in [
         (
             "action: 'zeromq:/a', as: 'ros2:/a'".to_owned(),
@@ -287,11 +297,32 @@ fn an_action_goes_where_there_are_actions_and_comes_from_functions_too() {
             format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, options: {{ feedback: 3 }}"),
             "option feedback must be the name of a topic",
         ),
+        (
+            format!("{function_of}, options: {{ feedback: '/no name' }}"),
+            "option feedback: \"/no name\" has a blank",
+        ),
+        (
+            format!("{function_of}, options: {{ feedbak: /progress }}"),
+            "option feedbak is unknown between zeromq and ros2; did you mean `feedback`",
+        ),
+        (
+            format!("{function_of}, options: {{ poll: state, poll_ms: 0 }}"),
+            "option poll_ms must lie between 10 and 3600000",
+        ),
+        (
+            format!("{function_of}, options: {{ poll: state, until: at }}"),
+            "option until is at: fields of demo/action/Count_Feedback that are true or false: done",
+        ),
+        (
+            format!("{function_of}, options: {{ until: done }}"),
+            "option until is about feedback: give the option feedback or poll, too",
+        ),
         ("action: 'ros:/a', as: 'ros2:/a', type: demo/msg/Count".to_owned(), "demo/msg/Count"),
         (format!("action: 'ros:/a', as: 'ros2:/a', {given}, qos: sensor_data"), "an action"),
     ] {
         let error = read(&route).unwrap_err();
         assert!(error.contains(why), "{route}: {error}");
+        assert!(error.starts_with("bridge.yaml:2:"), "{route}: {error}");
     }
 }
 

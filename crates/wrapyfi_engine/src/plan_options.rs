@@ -9,28 +9,32 @@ use std::collections::BTreeMap;
 use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
 
-use wrapyfi_data::types::{Map, Value, to_value};
+use wrapyfi_data::types::{Map, RosAction, Value, to_value};
 use wrapyfi_endpoint::config::Problem;
 use wrapyfi_endpoint::driver::Available;
+use wrapyfi_endpoint::function_action::{FEEDBACK, UNTIL};
 use wrapyfi_endpoint::{EndpointAddress, Interaction, Peers, function_action};
 
-/// Reads the options of a route between `ends`, and notes their faults.
+/// Reads the options of a route between `ends`, and notes their faults. `action` is the type of an action, where it is
+/// written.
 pub(super) fn read(
     written: &BTreeMap<String, Spanned<serde_json::Value>>,
     ends: [&EndpointAddress; 2],
     middlewares: &[Available<'_>],
     interaction: Interaction,
+    action: Option<RosAction>,
     problems: &mut Vec<Problem>,
 ) -> Map {
     let is_end = |one: &&Available<'_>| ends.iter().any(|end| end.middleware == one.name);
     let at_ends: Vec<_> = middlewares.iter().filter(is_end).collect();
     let mut known: Vec<&str> = at_ends.iter().flat_map(|one| one.options).copied().collect();
     let [source, _] = ends;
-    if interaction == Interaction::Action
-        && at_ends.iter().any(|one| {
-            one.name == source.middleware && !one.interactions.contains(&Interaction::Action)
-        })
-    {
+    let is_function = |one: &&&Available<'_>| {
+        one.name == source.middleware && !one.interactions.contains(&Interaction::Action)
+    };
+    let function = at_ends.iter().find(is_function);
+    let function = function.filter(|_| interaction == Interaction::Action);
+    if function.is_some() {
         known.extend(function_action::OPTIONS);
     }
     let mut options = Map::default();
@@ -60,15 +64,28 @@ pub(super) fn read(
                 let checked = || at_ends.iter().filter(reads).map(|one| one.check_option);
                 let of_peers = list.and_then(|_| Peers::read(&read).err());
                 let of_peers = of_peers.map(|wanted| format!("option {name} must be {wanted}"));
-                let of_function = || function_action::check_option(name, &read).err();
+                let of_function = |one: &&Available<'_>| {
+                    let checked = function_action::check_option(name, &read);
+                    let is_topic = || match read.as_str().filter(|_| name == FEEDBACK) {
+                        Some(topic) => (one.check_topic)(topic)
+                            .map_err(|fault| format!("option {name}: {fault}")),
+                        None => Ok(()),
+                    };
+                    checked.and_then(|()| is_topic()).err()
+                };
                 let fault = of_peers
                     .or_else(|| checked().find_map(|it| it(name, &read).err()))
-                    .or_else(|| of_function().filter(|_| interaction == Interaction::Action));
+                    .or_else(|| function.and_then(of_function));
                 fault.into_iter().for_each(&mut complain);
                 options.insert(name.as_str(), read);
             }
             Err(error) => complain(format!("option {name}: {error}")),
         }
+    }
+    if let (Some(kind), Some(until)) = (action, written.get(UNTIL))
+        && let Err(fault) = function_action::check_until(&options, kind)
+    {
+        problems.push(Problem::at(until.referenced, fault));
     }
     options
 }
