@@ -25,8 +25,8 @@ use wrapyfi_data::types::{
 };
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
-    ActionSpec, Context, OpenError, OpenResult, Overflow, Qos, QosPreset, QueueSpec, ServiceSpec,
-    TopicSpec,
+    ActionSpec, Context, History, OpenError, OpenResult, Overflow, Qos, QosPreset, QueueSpec,
+    ServiceSpec, TopicSpec,
 };
 
 /// Between the name of an action and those of its parts.
@@ -40,6 +40,9 @@ pub(super) const SERVICES: usize = 3;
 const HEADER: usize = 4;
 /// Messages of feedback and of status that wait for the owner of a client.
 const WAITING: usize = 1000;
+/// Feedback that the middleware keeps while a reader is behind. Nodes of ROS 2 keep 10, and lose what comes while a thread
+/// waits for a core; ends of different depths fit each other.
+const FEEDBACK_KEPT: u32 = 1000;
 
 /// Identity of a goal, a UUID.
 pub(super) type GoalId = [u8; 16];
@@ -83,13 +86,14 @@ impl Parts {
             mark: spec.mark.clone(),
             ..TopicSpec::new(name(part), MessageType::Ros(ros_type))
         };
+        let kept = Qos { history: History::KeepLast(FEEDBACK_KEPT), ..Qos::default() };
         // Results of goals that have ended are asked for beside those of goals that go on.
         let results = spec.goals.saturating_mul(2);
         Ok(Self {
             send_goal: service(send_goal, spec.kind.send_goal(), spec.goals),
             cancel_goal: service(cancel_goal, cancel, spec.goals),
             get_result: service(get_result, spec.kind.get_result(), results),
-            feedback: topic(feedback, spec.kind.feedback_message(), Qos::default()),
+            feedback: topic(feedback, spec.kind.feedback_message(), kept),
             status: topic(status, states, QosPreset::Latched.into()),
             cancel,
             states,

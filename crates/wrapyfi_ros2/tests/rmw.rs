@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use wrapyfi_endpoint::Wake;
 use wrapyfi_rmw::{DiscoveryRange, EndpointType, Node, NodeOptions};
-use wrapyfi_ros2::graph::{Graph, WriterTraits, wait_until};
+use wrapyfi_ros2::graph::{Graph, ServiceMapping, WriterTraits, wait_until};
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph, RmwGraph};
 
+use crate::actions;
 use crate::common::{TIMEOUT, bell, bodies, domain, name, topic};
 
 /// Name of the middleware that the tests have loaded.
@@ -105,6 +106,26 @@ fn services_on_cyclone_are_the_same_inside_and_on_rmw() {
     let (a, b) = (on_rmw("a"), CycloneGraph::new(&config("b")).unwrap());
     bodies::services_of_a_type_that_nobody_defines_carry_megabytes(&a, &b);
     bodies::services_of_a_type_that_nobody_defines_carry_megabytes(&b, &a);
+}
+
+#[test]
+fn actions_go_over() {
+    actions::all(&actions::on(on_rmw("near")), &actions::on(on_rmw("far")));
+}
+
+#[cfg(feature = "fastdds-services")]
+#[test]
+fn actions_reach_cyclone_and_come_from_there() {
+    if is_for("actions_reach_cyclone_and_come_from_there", is_dds) {
+        let mapping = match implementation().as_str() {
+            "rmw_cyclonedds_cpp" => ServiceMapping::Cyclone,
+            _ => ServiceMapping::FastDds,
+        };
+        let (ours, inside) =
+            (actions::on(on_rmw("ours")), actions::ros2(&config("inside"), mapping));
+        actions::all(&ours, &inside);
+        actions::all(&inside, &ours);
+    }
 }
 
 #[test]
