@@ -1,7 +1,7 @@
 //! ROS 2 Kilted around our programs: nodes of rclpy on Fast DDS 3, which tell each other their types by XTypes.
 
-use serde_json::json;
-use wrapyfi_e2e::{Need, Process, RealRos2, Result, TestEnv, ros2, run};
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, RealRos2, Result, Route, TestEnv, ros2, run};
 
 use crate::real_ros2;
 
@@ -179,4 +179,54 @@ fn actions_of_ours_are_driven_by_rclpy() -> Result {
         assert_eq!(client.event("cancel")?["code"], 0);
         Ok(())
     })
+}
+
+/// As `ros2 action echo` reads them, which the wheels do not have: of the bridge as a client, and as a server.
+#[test]
+fn events_of_an_action_are_heard_by_rclpy() -> Result {
+    on_kilted("events_of_an_action_are_heard_by_rclpy", |env, ros| {
+        env.set_variable("RMW_IMPLEMENTATION", "");
+        let (real, shown) = (env.topic("real"), env.topic("shown"));
+        let route = Route::action(&ros2(&real), &ros2(&shown));
+        let route = route.with("options", "{ introspection: contents }");
+        env.definitions(&[crate::actions::FIBONACCI])?;
+        let bridge = env.embedded().with("definitions", "[interfaces]").route(route);
+        let bridge = env.bridge(&bridge)?;
+        let kind = format!("--type {FIBONACCI}");
+        let _server = ros.rclpy(&format!("achieve --topic {real} {kind}"), None)?;
+        let ears = [(&real, "ear_of_real", [0, 3]), (&shown, "ear_of_shown", [1, 2])];
+        for (action, node, kinds) in ears {
+            let topic = format!("{action}/_action/send_goal/_service_event");
+            let ear = format!("subscribe --topic {topic} {kind}_SendGoal_Event --node {node}");
+            let ear = ros.rclpy(&ear, None)?;
+            ear.event("ready")?;
+            // Events are not kept: those before the ear has found the bridge are lost.
+            let [asked, answered] = loop {
+                let goal = format!("send --topic {shown} {kind}");
+                let client = ros.rclpy(&goal, Some(r#"{"order": 3}"#))?;
+                client.event("ended").map_err(|error| error.context(bridge.tail()))?;
+                let heard = ear.wait_until("events", |output| Some(output.events("message")))?;
+                if let Some(pair) = pair(&heard, kinds) {
+                    break pair;
+                }
+            };
+            assert_eq!(asked["request"][0]["goal"]["order"], 3);
+            assert_eq!(asked["response"], json!([]));
+            assert_eq!(answered["request"], json!([]));
+            assert_eq!(answered["response"][0]["accepted"], true);
+            assert_eq!(asked["info"]["client_gid"], answered["info"]["client_gid"]);
+        }
+        Ok(())
+    })
+}
+
+/// The first event of one kind, and that of the other kind for the same request.
+fn pair(heard: &[Value], kinds: [u64; 2]) -> Option<[Value; 2]> {
+    let values = || heard.iter().map(|message| &message["value"]);
+    let asked = values().find(|event| event["info"]["event_type"] == kinds[0])?;
+    let is_answer = |event: &&Value| {
+        let (one, other) = (&event["info"], &asked["info"]);
+        one["event_type"] == kinds[1] && one["sequence_number"] == other["sequence_number"]
+    };
+    Some([asked.clone(), values().find(is_answer)?.clone()])
 }

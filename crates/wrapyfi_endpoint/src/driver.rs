@@ -380,7 +380,8 @@ pub struct Available<'a> {
     pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
     /// Those of them that only the source of a route has, because they are about what is received.
     pub source_options: &'a [&'a str],
-    /// Those of them that only the destination of a route has, because they are about what is sent.
+    /// Those of them that only the destination of a route has, because they are about what is sent. One that is in both
+    /// lists is of services and actions alone.
     pub destination_options: &'a [&'a str],
     /// Interactions that the middleware carries.
     pub interactions: &'a [Interaction],

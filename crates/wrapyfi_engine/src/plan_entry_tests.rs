@@ -63,7 +63,15 @@ fn options_of_the_other_direction_are_refused() {
         destination_options: &["base"],
         ..Available::default()
     };
-    let ros2 = Available { name: "ros2", ..Available::default() };
+    let events = &["introspection"][..];
+    let ros2 = Available {
+        name: "ros2",
+        options: events,
+        check_option: &check_option,
+        source_options: events,
+        destination_options: events,
+        ..Available::default()
+    };
     let read = |route: &str| {
         let text = format!("routes:\n  - {{ {route} }}\n");
         let config: Config<NoEndpoints> = Config::from_yaml(&text, "bridge.yaml").unwrap();
@@ -91,6 +99,14 @@ fn options_of_the_other_direction_are_refused() {
             "option sensor is about what is received from yarp, which is the destination"
         ),
         "{text}"
+    );
+    for text in [inward("introspection: metadata"), outward("introspection: metadata")] {
+        let text = text.unwrap_err();
+        assert!(text.contains("option introspection has no effect on a topic"), "{text}");
+    }
+    assert_eq!(
+        read("service: 'yarp:/a', as: 'ros2:/b', options: { introspection: metadata }"),
+        Ok(())
     );
 }
 

@@ -104,6 +104,14 @@ fn goes_the_other_way(
     if works || !(known(at_source) || known(at_destination)) {
         return None;
     }
+    let is_of_calls = |one: &Available<'_>| {
+        one.source_options.contains(&name) && one.destination_options.contains(&name)
+    };
+    if is_of_calls(at_source) || is_of_calls(at_destination) {
+        return Some(format!(
+            "option {name} has no effect on a topic: services and actions have it; leave it out"
+        ));
+    }
     let (what, end) = if known(at_source) {
         ("sent to", &at_source.name)
     } else {

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 
 use super::dispatch::{Callback, call};
+use super::endpoint::gid;
 use super::node::{Inner, Node};
 use super::{Fault, Gid, Notify, SendFault, TypeHash, c_text, qos, sys, types};
 use wrapyfi_endpoint::Qos;
@@ -266,6 +267,14 @@ impl Client {
             sys::rmw_service_server_is_available(self.node.node(), self.raw, &raw mut is_available)
         };
         Fault::check("rmw_service_server_is_available", code).is_ok() && is_available
+    }
+
+    /// Identity of the client; zeros where rmw does not tell it.
+    pub fn gid(&self) -> Gid {
+        let mut own = sys::rmw_gid_t::default();
+        // SAFETY: the client lives.
+        let code = unsafe { sys::rmw_get_gid_for_client(self.raw, &raw mut own) };
+        Fault::check("rmw_get_gid_for_client", code).map(|()| gid(&own.data)).unwrap_or_default()
     }
 
     /// Number of servers on the graph.

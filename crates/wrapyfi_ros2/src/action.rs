@@ -75,6 +75,7 @@ impl Parts {
             pending,
             limits: spec.limits,
             plugins: spec.plugins.clone(),
+            options: spec.options.clone(),
             mark: spec.mark.clone(),
             ..ServiceSpec::new(name(part), ServiceKind::Ros(service))
         };

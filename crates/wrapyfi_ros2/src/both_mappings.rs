@@ -64,6 +64,11 @@ impl CdrClient for Client {
         Ok(None)
     }
 
+    fn id_of(&self, sequence: i64) -> RequestId {
+        let stack = if sequence & 1 == 0 { &self.cyclone } else { &self.fast_dds };
+        stack.id_of(sequence >> 1)
+    }
+
     fn servers(&self) -> Peers {
         of_either(self.cyclone.servers(), self.fast_dds.servers())
     }
@@ -257,6 +262,10 @@ mod tests {
             self.given.pop_front().transpose()
         }
 
+        fn id_of(&self, sequence: i64) -> RequestId {
+            RequestId { client: [0; 16], sequence }
+        }
+
         fn servers(&self) -> Peers {
             self.peers.clone()
         }
@@ -294,6 +303,7 @@ mod tests {
             let mut client = Client::new(cyclone, fast_dds);
             assert_eq!(client.servers(), Peers::Ready(1));
             assert_eq!(client.send(&[]), Ok(number));
+            assert_eq!(client.id_of(number).sequence, 1);
             assert_eq!(
                 (on_one.lock().len() + 2, on_other.lock().len()),
                 if number == 2 { (3, 0) } else { (2, 1) }

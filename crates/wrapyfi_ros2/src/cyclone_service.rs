@@ -198,6 +198,10 @@ impl<L: Send> CdrClient for CycloneClient<L> {
         Ok(None)
     }
 
+    fn id_of(&self, sequence: i64) -> RequestId {
+        service_header::request_id(self.id, sequence)
+    }
+
     fn servers(&self) -> Peers {
         match self.ends.peers(true) {
             Peers::Ready(_) if !self.ends.heard() => Peers::Half,

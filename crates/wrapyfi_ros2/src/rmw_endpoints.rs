@@ -213,6 +213,10 @@ impl CdrClient for RmwClient {
         }))
     }
 
+    fn id_of(&self, sequence: i64) -> RequestId {
+        RequestId { client: self.client.gid(), sequence }
+    }
+
     fn servers(&self) -> Peers {
         if !self.client.has_server() {
             self.there_since.set(None);

@@ -160,6 +160,10 @@ impl CdrClient for PairedClient {
         Ok(None)
     }
 
+    fn id_of(&self, sequence: i64) -> RequestId {
+        service_header::request_id(self.id, sequence)
+    }
+
     fn servers(&self) -> Peers {
         self.ends.peers()
     }

@@ -14,6 +14,7 @@ use wrapyfi_node::args::RosArgs;
 
 use super::environment::{Adapter, MAX_DOMAIN_ID, needs_zenoh_router};
 use super::ros2::NAME;
+use super::service::introspection;
 use super::settings::Ros2Settings;
 
 /// The middleware `ros2` for programs that are configured by a file.
@@ -36,9 +37,13 @@ impl Driver for Ros2Driver {
         Available {
             name: NAME,
             check_topic,
+            options: &[introspection::OPTION],
+            check_option: &introspection::check_option,
+            // In both: of services and actions alone.
+            source_options: &[introspection::OPTION],
+            destination_options: &[introspection::OPTION],
             interactions: &Interaction::ALL,
             conventions,
-            ..Available::default()
         }
     }
 

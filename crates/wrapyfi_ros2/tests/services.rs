@@ -1,20 +1,25 @@
 //! Services under the mapping of `rmw_cyclonedds_cpp`, between two nodes over loopback.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Payload, RosMessage, RosService, RosType, ServiceKind};
+use wrapyfi_data::types::{
+    Map, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, Value,
+};
 use wrapyfi_endpoint::{
     CallError, Cause, Client, Context, DropReason, IncomingRequest, Middleware, Qos, Request,
-    ServeError, Server, ServiceSpec, Wake,
+    ServeError, Server, ServiceSpec, TopicSpec, Wake,
 };
+use wrapyfi_interfaces::dynamic::DynamicValue;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros2::graph::{
-    CdrClient, Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
+    CdrClient, Graph, Peers, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
+    wait_until,
 };
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
@@ -409,4 +414,71 @@ fn both_halves_are_in_the_graph_with_their_hashes() {
     ];
     assert_eq!([&request.type_hash, &reply.type_hash].map(Option::as_deref), hashes.map(Some));
     assert_eq!((reply.dds_topic.as_str(), reply.is_publisher), ("rr/robot/addReply", true));
+}
+
+/// As `ros2 service echo` reads them: of both ends, with what was said or without.
+fn events_tell_of_requests_and_replies(services: Option<ServiceMapping>) {
+    let configs = ["ours", "theirs", "ear"].map(near_config);
+    let [ours, theirs, ear] = configs.map(|it| ros2(&CycloneConfig { services, ..it }));
+    let event = RosType::new(&service(ADD).resolved().part("_Event").unwrap()).unwrap();
+    for (wanted, has_contents) in [("metadata", false), ("contents", true)] {
+        let name = format!("/robot/{wanted}");
+        let options = Map::from([("introspection", Value::from(wanted))]);
+        let spec = ServiceSpec { options, ..spec(&name, ADD) };
+        let context = Context::default();
+        let topic = TopicSpec::new(format!("{name}/_service_event"), MessageType::Ros(event));
+        let mut listener = ear.open_listener(&topic, &context).unwrap();
+        let mut server = ours.open_server(&spec, &context).unwrap();
+        let mut client = theirs.open_client(&spec, &context).unwrap();
+        assert!(wait_until(&context.wake, TIMEOUT, || listener.link().peers == Some(2)));
+        client.send(&request(2, 3), TIMEOUT).unwrap();
+        let mut heard = BTreeMap::new();
+        assert!(wait_until(&context.wake, TIMEOUT, || {
+            if let Some(asked) = server.take().unwrap() {
+                answer(&mut *server, &asked);
+            }
+            assert!(client.take().is_none_or(|(_, reply)| sum(&reply.unwrap().payload) == 5));
+            while let Some(sample) = listener.take().unwrap() {
+                let Payload::RosMessage(event) = sample.payload else { panic!("{sample:?}") };
+                heard.insert(integer(&event, "info.event_type"), event);
+            }
+            heard.len() == 4
+        }));
+        let mut ids = BTreeSet::new();
+        for (kind, event) in heard {
+            let fields = event.fields(MAX_BYTES).unwrap();
+            let part = |name| match fields.get(name) {
+                Some(DynamicValue::Messages(all)) => all.first().cloned(),
+                other => panic!("{other:?}"),
+            };
+            let field = |name| fields.get(name).map(|value| format!("{value:?}"));
+            ids.insert([field("info.client_gid"), field("info.sequence_number")]);
+            assert!(integer(&event, "info.stamp.sec") > 1_500_000_000);
+            let said = [part("request").is_some(), part("response").is_some()];
+            assert_eq!(said, [has_contents && kind < 2, has_contents && kind >= 2], "{kind}");
+            if let Some(request) = part("request") {
+                assert_eq!(request.get("a").and_then(DynamicValue::as_integer), Some(2));
+            }
+            if let Some(reply) = part("response") {
+                assert_eq!(reply.get("sum").and_then(DynamicValue::as_integer), Some(5));
+            }
+        }
+        assert_eq!(ids.len(), 1, "{ids:?}");
+    }
+    let options = Map::from([("introspection", Value::from("all"))]);
+    let refused = ours.open_server(&ServiceSpec { options, ..spec("x", ADD) }, &Context::default());
+    let said = refused.err().unwrap().to_string();
+    assert!(said.contains("option introspection must be metadata or contents"), "{said}");
+}
+
+#[test]
+fn events_of_services_on_cyclonedds() {
+    events_tell_of_requests_and_replies(Some(ServiceMapping::Cyclone));
+}
+
+#[cfg(feature = "fastdds-services")]
+#[test]
+fn events_of_services_in_the_mapping_of_fast_dds_and_in_both() {
+    events_tell_of_requests_and_replies(Some(ServiceMapping::FastDds));
+    events_tell_of_requests_and_replies(None);
 }

@@ -149,6 +149,9 @@ pub trait CdrClient: Send {
     /// gone, the one after it can be taken.
     fn take(&mut self) -> Result<Option<CdrReply>, GraphError>;
 
+    /// Identity by which servers know the request of this number.
+    fn id_of(&self, sequence: i64) -> RequestId;
+
     /// Servers there are now.
     fn servers(&self) -> Peers;
 

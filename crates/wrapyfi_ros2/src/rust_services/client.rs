@@ -19,7 +19,7 @@ use super::outgoing::Identity;
 use super::participant::{ServicesState, Topics};
 use super::{identity, remotes};
 use crate::discovery_info::Gid;
-use crate::graph::{CdrClient, CdrReply, GraphError, GraphResult, Notify, Peers};
+use crate::graph::{CdrClient, CdrReply, GraphError, GraphResult, Notify, Peers, RequestId};
 use wrapyfi_endpoint::Mutex;
 
 /// Requests whose clients are remembered; the oldest were given up long ago.
@@ -173,6 +173,12 @@ impl CdrClient for Client {
             }
         }
         Ok(None)
+    }
+
+    fn id_of(&self, sequence: i64) -> RequestId {
+        let state = self.endpoints.state.lock();
+        let [client, _] = state.names;
+        RequestId { client, sequence: sequence.saturating_sub(state.before) }
     }
 
     fn servers(&self) -> Peers {

@@ -16,6 +16,7 @@ use bytes::Bytes;
 
 use super::USUAL_DEPTH;
 use super::codec::{ServiceCodec, drop_reason};
+use super::introspection::{self, Events};
 use crate::graph::{CdrClient, Graph, GraphError, LOOK_AGAIN, Peers, ServiceMapping, ringing};
 use crate::names::service_type_from_dds;
 use crate::ros2::{NAME, Ros2, no_service};
@@ -62,6 +63,7 @@ impl Ros2Client {
         })?;
         let cdr = ros2.graph().client(&codec.describe(depth), ringing(&context.wake));
         let cdr = cdr.map_err(|error| no_service(spec, &error))?;
+        let cdr = introspection::client(cdr, Events::of(ros2, &codec, context)?);
         let (mapping, context) = (ros2.graph().service_mapping(), context.clone());
         let (service, pending) = (codec.spec.service.clone(), spec.pending);
         let wire = Self {

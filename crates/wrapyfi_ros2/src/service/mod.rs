@@ -9,6 +9,7 @@
 
 mod client;
 mod codec;
+pub(super) mod introspection;
 pub(super) mod replies;
 mod server;
 

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::codec::{ServiceCodec, drop_reason};
+use super::introspection::{self, Events};
 use super::replies::{Replies, Reply, Unsent};
 use crate::graph::{GraphError, Peers, RequestId, ringing};
 use crate::ros2::{Ros2, no_service};
@@ -61,6 +62,7 @@ impl Ros2Server {
         let (mark, bell) = (spec.mark.as_ref(), ringing(&context.wake));
         let cdr = ros2.graph().server_marked(&codec.describe(depth), mark, bell);
         let cdr = cdr.map_err(|error| no_service(spec, &error))?;
+        let cdr = introspection::server(cdr, Events::of(ros2, &codec, context)?);
         let replies = Replies::new(cdr, &codec.spec.service, spec.pending, &context.clock);
         let spec = codec.spec.clone();
         let requests = Arc::new(Requests::new(&spec, context));
