@@ -35,7 +35,7 @@ mod scenes;
 mod test_env;
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub use config::{Config, Route};
 pub use guide::{Guide, Line, same_but_times};
@@ -53,6 +53,18 @@ pub use test_env::{Args, TestEnv};
 
 /// Time that anything may take before a test gives up: far beyond what a loaded machine needs.
 pub const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Asks again and again until there is an answer, or [`TIMEOUT`] is over: how often that is depends on the machine.
+pub fn asked_until<T>(what: &str, mut ask: impl FnMut() -> Result<Option<T>>) -> Result<T> {
+    let deadline = Instant::now() + TIMEOUT;
+    loop {
+        match ask()? {
+            Some(answer) => return Ok(answer),
+            None if Instant::now() < deadline => {}
+            None => anyhow::bail!("waiting for {what}: the time is over"),
+        }
+    }
+}
 
 /// Result of a test.
 pub type Result<T = ()> = anyhow::Result<T>;

@@ -4,10 +4,10 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 
 use crate::installation::Installation;
-use crate::{Args, Process, Result, TestEnv, programs, repository};
+use crate::{Args, Process, Result, TestEnv, asked_until, programs, repository};
 
 /// ROS 2 as it is installed, in one test and under one middleware. Our packages are found in it as if
 /// they were installed, too.
@@ -44,17 +44,15 @@ impl<'w> RealRos2<'w> {
     /// Output of `ros2`, once it is as wanted. Commands that look at the graph look for two
     /// seconds, without a daemon that would outlive the test.
     pub fn told(&self, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
-        let mut said = String::new();
-        for _ in 0..20 {
+        let mut last = String::new();
+        let said = asked_until(&format!("ros2 {} to say it", args.join(" ")), || {
             let mut process = self.ros2(args)?;
             process.exit_code()?;
-            said = process.stdout();
-            if wanted(&said) {
-                return Ok(said);
-            }
-            said.push_str(&process.stderr());
-        }
-        bail!("ros2 {} never said what it should, last:\n{said}", args.join(" "))
+            let said = process.stdout();
+            last = said.clone() + &process.stderr();
+            Ok(wanted(&said).then_some(said))
+        });
+        said.map_err(|error| error.context(last))
     }
 
     /// As [`RealRos2::told`], for a command that looks at the graph.

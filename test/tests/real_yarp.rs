@@ -1,7 +1,9 @@
 //! YARP's own tools around our programs: with its name server and with ours.
 
 use serde_json::json;
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
+use wrapyfi_e2e::{
+    Need, Process, Result, Route, TestEnv, asked_until, ros2, run, until_route, yarp,
+};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Yarp];
 
@@ -87,26 +89,21 @@ fn the_name_of_a_killed_program_is_ours(env: &TestEnv) -> Result {
 
 /// Output of `yarp`, once it is as wanted.
 fn told(env: &TestEnv, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
-    let mut said = String::new();
-    for _ in 0..60 {
+    let mut last = String::new();
+    let said = asked_until(&format!("yarp {} to say it", args.join(" ")), || {
         let mut tool = env.yarp_tool("yarp", args)?;
         tool.exit_code()?;
-        said = tool.stdout() + &tool.stderr();
-        if wanted(&said) {
-            return Ok(said);
-        }
-    }
-    anyhow::bail!("yarp {} never said what it should, last:\n{said}", args.join(" "))
+        last = tool.stdout() + &tool.stderr();
+        Ok(wanted(&last).then(|| last.clone()))
+    });
+    said.map_err(|error| error.context(last))
 }
 
 /// Waits until `yarp exists` finds the port.
-fn exists(env: &TestEnv, port: &str) -> Result {
-    for _ in 0..60 {
-        if env.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0 {
-            return Ok(());
-        }
-    }
-    anyhow::bail!("no port {port}")
+pub(crate) fn exists(env: &TestEnv, port: &str) -> Result {
+    asked_until(&format!("port {port}"), || {
+        Ok((env.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0).then_some(()))
+    })
 }
 
 fn prints(process: &Process, words: &str) -> Result {

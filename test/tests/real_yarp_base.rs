@@ -2,7 +2,7 @@
 //! `yarpdev` with a server of YARP's around one of its fake devices, at our name server.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, asked_until, ros2, run, yarp};
 
 /// Needs of a test that runs this server of YARP around this device.
 macro_rules! needs {
@@ -22,8 +22,6 @@ const SCAN: &str = "sensor_msgs/msg/LaserScan";
 const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 const TWIST: &str = "geometry_msgs/msg/Twist";
 const INFO: &str = "sensor_msgs/msg/CameraInfo";
-/// Tries of what another program has to be asked for.
-const TRIES: usize = 100;
 
 fn device(env: &TestEnv, wrapper: &str, device: &str, more: &[&str]) -> Result<Process> {
     let bundle = ["--device", "deviceBundler", "--wrapper_device", wrapper];
@@ -122,20 +120,16 @@ fn a_twist_of_ros_moves_a_base_of_yarp() -> Result {
         let rpc = yarp(&format!("{base}/rpc:i"));
         let ask =
             ["call", &rpc, "--option", "bottle=true", "--args", "[\"getLastVelocityCommandRPC\"]"];
-        let mut answer = String::new();
-        for _ in 0..TRIES {
+        let told = asked_until("the velocity that the base was told", || {
             let mut call = env.wrapyfi(ask)?;
             // The port answers once the device is attached to it.
             call.exit_code()?;
-            answer = call.stdout();
-            let told: Value = serde_json::from_str(answer.trim()).unwrap_or_default();
+            let told: Value = serde_json::from_str(call.stdout().trim()).unwrap_or_default();
             let told: Vec<f64> =
                 told.as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
-            if told.ends_with(&[0.5, -0.25, 0.125_f64.to_degrees()]) {
-                return Ok(());
-            }
-        }
-        anyhow::bail!("the base was told {answer}; {}", bridge.tail())
+            Ok(told.ends_with(&[0.5, -0.25, 0.125_f64.to_degrees()]).then_some(()))
+        });
+        told.map_err(|error| error.context(bridge.tail()))
     })
 }
 

@@ -3,6 +3,8 @@
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
 
+use crate::real_yarp;
+
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const REAL: &[Need] = &[Need::Program, Need::Python, Need::Yarp];
 
@@ -162,17 +164,7 @@ fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {
         let number = env.yarp_port().to_string();
         let args = ["--write", "--ip", "127.0.0.1", "--socket", &number];
         let _names = env.yarp_tool("yarpserver", &args)?.pillar();
-        let answers = |port: &str| -> Result<bool> {
-            Ok(env.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0)
-        };
-        let until = |port: &str| -> Result {
-            for _ in 0..100 {
-                if answers(port)? {
-                    return Ok(());
-                }
-            }
-            anyhow::bail!("no port {port}")
-        };
+        let until = |port: &str| real_yarp::exists(env, port);
         until("/root")?;
         let [cam, head] = ["grabber", "head"].map(|name| env.topic(name));
         let bundle = |wrapper, device, name| {

@@ -2,7 +2,7 @@
 //! side are independent programs.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, asked_until, ros2, run, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -151,13 +151,10 @@ fn ports_are_listed() -> Result {
     run("ports_are_listed", NEEDS, |env| {
         let (from, to) = (env.topic("from"), env.topic("to"));
         let _bridge = bridge(env, Route::new(&ros2(&from), &yarp(&to), "Image"))?;
-        for _ in 0..20 {
+        asked_until("the port in the list", || {
             let mut list = env.wrapyfi(["list", "yarp", "--json", "--wait", "2"])?;
             // The name server may not run yet.
-            if list.exit_code()? == 0 && list.stdout().contains(&to) {
-                return Ok(());
-            }
-        }
-        anyhow::bail!("{to} is not listed")
+            Ok((list.exit_code()? == 0 && list.stdout().contains(&to)).then_some(()))
+        })
     })
 }

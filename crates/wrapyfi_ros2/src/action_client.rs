@@ -8,7 +8,8 @@
 //!        ◀── feedback
 //! ```
 //!
-//! A state or feedback of a goal says that it was accepted, also where it comes before the reply. A request for a result may
+//! A state of a goal says that it was accepted, also where it comes before the reply, and feedback that it is being executed:
+//! it has a topic of its own, which may be ahead of the states. A request for a result may
 //! be lost in a server that has too many of them: it is sent again where the goal is said to have ended, or where the
 //! servers have changed. A server that does not know the goal then answers so.
 
@@ -337,7 +338,7 @@ impl PartsClient {
     fn on_feedback(&mut self, message: &RosMessage) {
         match split_id(message, self.spec.kind.feedback(), self.most()) {
             Ok((id, feedback)) if self.goals.contains_key(&id) => {
-                self.reach(&id, GoalStatus::STATUS_ACCEPTED);
+                self.reach(&id, GoalStatus::STATUS_EXECUTING);
                 self.push(&id, GoalUpdate::Feedback(feedback.into()));
             }
             Ok(_) => {}

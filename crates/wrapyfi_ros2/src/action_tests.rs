@@ -234,6 +234,21 @@ fn a_goal_goes_there_and_its_feedback_and_result_come_back() {
     assert_eq!((counted.received, counted.sent, counted.dropped()), (1, 4, 0));
 }
 
+/// Feedback has a topic of its own, on which it may be ahead of the states.
+#[test]
+fn feedback_says_that_a_goal_is_executed() {
+    let bench = Bench::new();
+    let (mut server, mut client) = (bench.server(), bench.client());
+    client.send(&goal(3)).unwrap();
+    let (number, _) = taken(&mut server);
+    server.update(number, GoalUpdate::Accepted).unwrap();
+    let at = Value::from(Map::from([("at", Value::from(1.5))]));
+    server.update(number, GoalUpdate::Feedback(at.into())).unwrap();
+    assert_eq!(told(&mut client), ["accepted", "executing", "at 1.5"]);
+    server.update(number, GoalUpdate::Executing).unwrap();
+    assert!(told(&mut client).is_empty());
+}
+
 /// A client hears all states between two, whatever the owner of the server leaves out.
 #[test]
 fn states_that_are_left_out_are_filled_in() {
