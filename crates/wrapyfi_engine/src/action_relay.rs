@@ -6,158 +6,107 @@
 //! ```
 //!
 //! The action is offered while its real server is there, so that a client that waits for a server waits for the real
-//! one. A goal is one entry that ends once: by what the real server says, or as aborted when that server has gone. The
-//! relay has no threads, as [`super::Relay`].
+//! one. A goal is one entry that ends once: by what the real server says, or as aborted when that server has gone.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::end::RouteEnd;
+use super::call_relay::{CallRelay, Calls};
 use super::route::{Route, RouteTypes};
-use super::route_status::RouteState;
-use super::work::{
-    DEGRADED_FOR, Progress, REST_REVIEW_EVERY, REVIEW_EVERY, UNWANTED_FOR, Work, not_begun,
-};
-use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Absent, ActionClient, ActionServer, Cause, Context, DropReason, GoalEvent, GoalNumber,
-    GoalRequest, GoalUpdate, Link, Qos, Registry, Role, Throttle, Ticket,
+    ActionClient, ActionServer, ActionSpec, Context, DropReason, EndpointAddress, GoalEvent,
+    GoalNumber, GoalRequest, GoalUpdate, Link, Middleware, OpenError, OpenResult, Opened, Role,
 };
-
-/// Largest number of requests and of updates moved in one step.
-const BATCH: usize = 16;
 
 /// One action route at work.
-pub(crate) struct ActionRelay {
-    spec: Route,
-    /// Bell and counters of the offered action, which are the route's.
-    front: Context,
-    back: Context,
-    offered: RouteEnd<dyn ActionServer>,
-    called: RouteEnd<dyn ActionClient>,
-    backoff: Backoff,
-    /// Goals under way, from both sides.
-    numbers: BTreeMap<Ticket, GoalNumber>,
-    tickets: BTreeMap<GoalNumber, Ticket>,
-    state: RouteState,
-    has_source: bool,
-    /// Instant of the last request or update.
-    moved_at: Option<Instant>,
-    last_loss: Option<(Instant, Cause)>,
-    losses: Throttle,
+pub(crate) type ActionRelay = CallRelay<Actions>;
+
+/// Actions.
+pub(crate) enum Actions {}
+
+impl Calls for Actions {
+    type Server = dyn ActionServer;
+    type Client = dyn ActionClient;
+    type Id = GoalNumber;
+    const REAL: Role = Role::ActionServer;
+    const FOLLOWS: bool = true;
+
+    fn open_server(on: &dyn Middleware, at: &Route, with: &Context) -> Opened<dyn ActionServer> {
+        on.open_action_server(&spec(at, &at.to)?, with)
+    }
+
+    fn open_client(on: &dyn Middleware, at: &Route, with: &Context) -> Opened<dyn ActionClient> {
+        on.open_action_client(&spec(at, &at.from)?, with)
+    }
+
+    fn look_at_server(server: &Self::Server) -> (Link, Option<Instant>) {
+        (server.link(), server.deadline())
+    }
+
+    fn look_at_client(client: &Self::Client) -> (Link, Option<Instant>) {
+        (client.link(), client.deadline())
+    }
+
+    fn kept(server: &Self::Server) -> usize {
+        server.kept()
+    }
+
+    fn ask(relay: &mut ActionRelay, now: Instant) -> bool {
+        let absent = relay.absent();
+        let (Some(server), Some(client)) = (&mut relay.offered.open, &mut relay.called.open) else {
+            return false;
+        };
+        match server.take() {
+            Ok(None) => return false,
+            Ok(Some(GoalRequest::Goal { number, goal, .. })) => {
+                let sent = match absent {
+                    None => client.send(&goal).map_err(|it| (it.drop_reason(), it.to_string())),
+                    Some(absent) => Err((DropReason::NoConsumer, absent.to_string())),
+                };
+                match sent {
+                    Ok(ticket) => _ = relay.calls.insert(ticket, number),
+                    Err((reason, text)) => {
+                        relay.front.counters.dropped(reason);
+                        relay.note(now, "a goal was not sent", reason, text.clone());
+                        relay.tell(now, number, GoalUpdate::Rejected(text));
+                    }
+                }
+            }
+            Ok(Some(GoalRequest::Cancel(number))) => {
+                relay.front.counters.goal_event(GoalEvent::CancelAsked);
+                if let Some((ticket, _)) = relay.calls.iter().find(|(_, it)| **it == number) {
+                    client.cancel(*ticket);
+                }
+            }
+            // The server has counted the request.
+            Err(error) => relay.note(now, "refused a goal", error.drop_reason(), error.to_string()),
+        }
+        true
+    }
+
+    fn answer(relay: &mut ActionRelay, now: Instant) -> bool {
+        let Some(client) = &mut relay.called.open else { return false };
+        let Some((ticket, update)) = client.take() else { return false };
+        let number = match update.is_end() {
+            true => relay.calls.remove(&ticket),
+            false => relay.calls.get(&ticket).copied(),
+        };
+        if let Some(number) = number {
+            relay.tell(now, number, update);
+        }
+        true
+    }
+}
+
+/// Action of a route, at one of its ends.
+fn spec(route: &Route, at: &EndpointAddress) -> OpenResult<ActionSpec> {
+    match route.types {
+        RouteTypes::Action(Some(kind)) => Ok(route.action_spec(at, kind)),
+        _ => Err(OpenError::transport("the route", &at.name, "its type is not known".to_owned())),
+    }
 }
 
 impl ActionRelay {
-    /// A route that has opened nothing yet; the arguments are those of [`super::service_relay::ServiceRelay::new`].
-    pub(super) fn new(spec: Route, registry: &Registry, seed: u64, front: Context) -> Self {
-        // One bell for both sides.
-        let back = Context { counters: Arc::default(), ..front.clone() };
-        Self {
-            offered: RouteEnd::new(registry, &spec.to.middleware),
-            called: RouteEnd::new(registry, &spec.from.middleware),
-            front,
-            back,
-            backoff: Backoff::new(seed),
-            numbers: BTreeMap::new(),
-            tickets: BTreeMap::new(),
-            state: not_begun(),
-            has_source: false,
-            moved_at: None,
-            last_loss: None,
-            losses: Throttle::default(),
-            spec,
-        }
-    }
-
-    /// Opens what is to be open: the client, and while that has a server, the action that is offered. That one closes
-    /// when the server has gone and its clients have heard of it. Connection of the client.
-    fn reconcile(&mut self, now: Instant) -> Option<Link> {
-        let Self { spec, front, back, offered, called, backoff, .. } = self;
-        let RouteTypes::Action(Some(kind)) = spec.types else { return None };
-        called.open_with(now, backoff, |middleware| {
-            middleware.open_action_client(&spec.action_spec(&spec.from, kind), back)
-        });
-        let link = called.open.as_ref().map(|client| client.link());
-        self.has_source = link.as_ref().is_some_and(Link::has_peers);
-        if self.has_source {
-            offered.open_with(now, backoff, |middleware| {
-                middleware.open_action_server(&spec.action_spec(&spec.to, kind), front)
-            });
-            if offered.open.is_some() {
-                backoff.reset();
-            }
-        } else if offered.open.as_ref().is_some_and(|server| server.kept() == 0) {
-            offered.close();
-        }
-        link
-    }
-
-    /// Hands goals and cancellations on to the server.
-    fn ask(&mut self, now: Instant) -> usize {
-        let mut moved = 0;
-        while moved < BATCH {
-            let (Some(server), Some(client)) = (&mut self.offered.open, &mut self.called.open)
-            else {
-                break;
-            };
-            let request = match server.take() {
-                Ok(None) => break,
-                Ok(Some(request)) => request,
-                Err(error) => {
-                    // The server has counted the request.
-                    moved += 1;
-                    self.note(now, "refused a goal", error.drop_reason(), error.to_string());
-                    continue;
-                }
-            };
-            moved += 1;
-            match request {
-                GoalRequest::Goal { number, goal, .. } => {
-                    let sent = match self.has_source {
-                        true => client.send(&goal).map_err(|it| (it.drop_reason(), it.to_string())),
-                        false => Err((DropReason::NoConsumer, self.absent().to_string())),
-                    };
-                    match sent {
-                        Ok(ticket) => {
-                            self.numbers.insert(ticket, number);
-                            self.tickets.insert(number, ticket);
-                        }
-                        Err((reason, text)) => {
-                            self.front.counters.dropped(reason);
-                            self.note(now, "a goal was not sent", reason, text.clone());
-                            self.tell(now, number, GoalUpdate::Rejected(text));
-                        }
-                    }
-                }
-                GoalRequest::Cancel(number) => {
-                    self.front.counters.goal_event(GoalEvent::CancelAsked);
-                    if let Some(ticket) = self.tickets.get(&number) {
-                        client.cancel(*ticket);
-                    }
-                }
-            }
-        }
-        moved
-    }
-
-    /// Hands updates back to the clients.
-    fn answer(&mut self, now: Instant) -> usize {
-        let mut moved = 0;
-        while moved < BATCH {
-            let Some(client) = &mut self.called.open else { break };
-            let Some((ticket, update)) = client.take() else { break };
-            moved += 1;
-            let Some(&number) = self.numbers.get(&ticket) else { continue };
-            if update.is_end() {
-                self.numbers.remove(&ticket);
-                self.tickets.remove(&number);
-            }
-            self.tell(now, number, update);
-        }
-        moved
-    }
-
     /// Tells the clients of a goal what has become of it, and counts it.
     fn tell(&mut self, now: Instant, number: GoalNumber, update: GoalUpdate) {
         let counters = Arc::clone(&self.front.counters);
@@ -178,79 +127,6 @@ impl ActionRelay {
             self.note(now, "an update of a goal was not sent", reason, error.to_string());
         }
     }
-
-    fn note(&mut self, now: Instant, what: &str, reason: DropReason, error: String) {
-        if let Some(unlogged_before) = self.losses.pass(now) {
-            tracing::warn!(route = self.spec.name, unlogged_before, "{what}: {error}");
-        }
-        self.last_loss = Some((now, Cause::Lost { reason, error }));
-    }
-
-    fn absent(&self) -> Cause {
-        Absent::at(Role::ActionServer, &self.spec.from).into()
-    }
-
-    fn judge(&self, now: Instant, link: Option<Link>) -> RouteState {
-        if let Some(trouble) = self.called.trouble.as_ref().or(self.offered.trouble.as_ref()) {
-            return trouble.clone();
-        }
-        let Some(link) = link else { return self.state.clone() };
-        let offered = self.offered.open.as_ref().map(|server| server.link());
-        let what = link.waiting_for.or(offered.and_then(|link| link.waiting_for));
-        if let Some(what) = what.or_else(|| (!self.has_source).then(|| self.absent())) {
-            return RouteState::Waiting(what);
-        }
-        match &self.last_loss {
-            Some((at, cause)) if now.saturating_duration_since(*at) < DEGRADED_FOR => {
-                RouteState::Degraded(cause.clone())
-            }
-            _ => RouteState::Active,
-        }
-    }
-}
-
-impl Work for ActionRelay {
-    fn step(&mut self, now: Instant) -> Progress {
-        let link = self.reconcile(now);
-        for refused in self.back.counters.take_refused() {
-            // The counters of the route are those of its other end.
-            self.front.counters.refused_peer(refused);
-        }
-        let moved = self.ask(now).saturating_add(self.answer(now));
-        if moved > 0 {
-            self.moved_at = Some(now);
-        }
-        self.state = self.judge(now, link);
-        let is_quiet = |at: Instant| now.saturating_duration_since(at) >= UNWANTED_FOR;
-        let at_rest = self.numbers.is_empty() && self.moved_at.is_none_or(is_quiet);
-        let next = match (moved >= BATCH, at_rest) {
-            (true, _) => now,
-            (false, true) => now + REST_REVIEW_EVERY,
-            (false, false) => now + REVIEW_EVERY,
-        };
-        let due = [
-            self.offered.retry_at,
-            self.called.retry_at,
-            self.offered.open.as_ref().and_then(|server| server.deadline()),
-            self.called.open.as_ref().and_then(|client| client.deadline()),
-        ];
-        Progress { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
-    }
-
-    fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
-        (&self.state, [None, None], self.has_source)
-    }
-
-    fn is_open(&self) -> bool {
-        self.called.open.is_some()
-    }
-
-    fn close(&mut self) {
-        self.numbers.clear();
-        self.tickets.clear();
-        self.offered.close();
-        self.called.close();
-    }
 }
 
 #[cfg(test)]
@@ -258,10 +134,12 @@ mod tests {
     use wrapyfi_interfaces::parser::{Dialect, TypeName};
     use wrapyfi_interfaces::store::ResolvedType;
 
+    use super::super::route_status::RouteState;
+    use super::super::work::Work as _;
     use super::*;
     use wrapyfi_data::types::{Map, RosAction, Value};
     use wrapyfi_endpoint::memory::Memory;
-    use wrapyfi_endpoint::{ActionSpec, CountersSnapshot, GoalOutcome, Middleware as _, Request};
+    use wrapyfi_endpoint::{CountersSnapshot, GoalOutcome, Registry, Request};
 
     struct Bench {
         bus: Arc<Memory>,
@@ -343,7 +221,7 @@ mod tests {
         let goals = bench.counters().goals;
         let once = [GoalEvent::Accepted, GoalEvent::Feedback, GoalEvent::Succeeded];
         assert_eq!(goals, once.map(|event| (event, 1)));
-        assert!(bench.relay.numbers.is_empty() && bench.relay.tickets.is_empty());
+        assert!(bench.relay.calls.is_empty());
     }
 
     #[test]
@@ -360,7 +238,7 @@ mod tests {
         server.update(number, GoalUpdate::CancelRefused("too late".into())).unwrap();
         bench.step();
         assert_eq!(client.take(), Some((ticket, GoalUpdate::CancelRefused("too late".into()))));
-        assert_eq!(bench.relay.numbers.len(), 1);
+        assert_eq!(bench.relay.calls.len(), 1);
     }
 
     #[test]
@@ -384,6 +262,29 @@ mod tests {
         let _again = bench.server();
         bench.step();
         assert_eq!((client.link().peers, &bench.relay.state), (Some(1), &RouteState::Active));
+    }
+
+    /// A goal that could not be sent while a server had too many is no fault of the server that has come.
+    #[test]
+    fn a_server_that_comes_back_ends_the_complaint_about_the_one_before() {
+        let mut bench = Bench::new();
+        let server = bench.server();
+        bench.step();
+        let mut clients = [bench.client(), bench.client()];
+        for (client, to) in clients.iter_mut().zip([1, 2]) {
+            for _ in 0..ActionSpec::GOALS {
+                client.send(&goal(to)).unwrap();
+            }
+        }
+        let now = Instant::now();
+        while bench.relay.step(now).moved > 0 {}
+        assert!(matches!(bench.relay.state, RouteState::Degraded(_)), "{}", bench.relay.state);
+        drop(server);
+        while bench.relay.step(now).moved > 0 {}
+        assert!(matches!(bench.relay.state, RouteState::Waiting(_)), "{}", bench.relay.state);
+        let _again = bench.server();
+        bench.relay.step(now);
+        assert_eq!(bench.relay.state, RouteState::Active);
     }
 
     /// An update of a goal that the relay does not know is no fault, and a goal ends once.

@@ -15,13 +15,12 @@ use std::time::{Duration, Instant};
 
 use super::candidate::Misfit;
 use super::end::RouteEnd;
+use super::losses::Losses;
 use super::route::{Policy, Route};
 use super::route_status::RouteState;
 use super::stamping;
 use super::tap::Tap;
-use super::work::{
-    DEGRADED_FOR, Order, Progress, REST_REVIEW_EVERY, REVIEW_EVERY, UNWANTED_FOR, Work, not_begun,
-};
+use super::work::{Order, Progress, UNWANTED_FOR, Work, not_begun};
 use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -52,18 +51,17 @@ pub(crate) struct Relay {
     stirred_at: Option<Instant>,
     /// A listener of another type than the route's.
     misfits: Option<Misfit>,
-    last_loss: Option<(Instant, Cause)>,
     /// True while a message was taken, and is not counted yet.
     in_hand: bool,
     /// Cause for which the destination takes less than it is given.
     slowed: Option<Cause>,
     /// Number of messages that the destination took and did not deliver, as far as they are in
-    /// `last_loss`.
+    /// `losses`.
     undelivered: u64,
-    /// Number of messages that were too large, as far as they are in `last_loss`: the source drops them itself.
+    /// Number of messages that were too large, as far as they are in `losses`: the source drops them itself.
     oversize: u64,
-    /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
-    losses: Throttle,
+    losses: Losses,
+    /// Throttle for objects passed on as they came: all are counted, few are logged.
     unread: Throttle,
     pub(super) tap: Arc<Tap>,
     /// Circle over other bridges that the route would close: its ends stay closed.
@@ -85,12 +83,11 @@ impl Relay {
             unwanted_since: None,
             stirred_at: None,
             misfits: None,
-            last_loss: None,
             in_hand: false,
             slowed: None,
             undelivered: 0,
             oversize: 0,
-            losses: Throttle::default(),
+            losses: Losses::default(),
             unread: Throttle::default(),
             tap: Arc::default(),
             circle: None,
@@ -211,9 +208,13 @@ impl Relay {
                     if let Payload::NativeObject(value) = &sample.payload {
                         for (_, reason) in value.refusals() {
                             self.context.counters.unread();
-                            if let Some(before) = self.unread.pass(now) {
-                                let what = "passed on an object unread";
-                                log(&self.spec.name, before, what, reason);
+                            if let Some(unlogged_before) = self.unread.pass(now) {
+                                let route = &self.spec.name;
+                                tracing::warn!(
+                                    route,
+                                    unlogged_before,
+                                    "passed on an object unread: {reason}"
+                                );
                             }
                         }
                     }
@@ -231,11 +232,8 @@ impl Relay {
                 Err((reason @ DropReason::NoConsumer, _)) => self.context.counters.dropped(reason),
                 Err((reason, text)) => {
                     self.context.counters.dropped(reason);
-                    if let Some(before) = self.losses.pass(now) {
-                        let what = format!("dropped a message ({reason})");
-                        log(&self.spec.name, before, &what, &text);
-                    }
-                    self.last_loss = Some((now, Cause::Lost { reason, error: text }));
+                    let what = format_args!("dropped a message ({reason})");
+                    self.losses.note(now, &self.spec.name, what, reason, text);
                 }
             }
         }
@@ -277,10 +275,8 @@ impl Relay {
         if let Some(why) = &self.slowed {
             return RouteState::Degraded(why.clone());
         }
-        if let Some((at, text)) = &self.last_loss
-            && now.saturating_duration_since(*at) < DEGRADED_FOR
-        {
-            return RouteState::Degraded(text.clone());
+        if let Some(degraded) = self.losses.state(now) {
+            return degraded;
         }
         if source.peers == Some(0) {
             return RouteState::Waiting(Absent::at(Role::Publisher, &self.spec.from).into());
@@ -300,7 +296,7 @@ impl Work for Relay {
         if oversize > self.oversize {
             let limit_mib = self.spec.policy.limits.message_bytes >> 20;
             let cause = Cause::Oversize { at: self.spec.from.to_string(), limit_mib };
-            self.last_loss = Some((now, cause));
+            self.losses.last = Some((now, cause));
         }
         let moved = self.propagate(now);
         self.oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
@@ -308,7 +304,7 @@ impl Work for Relay {
         if undelivered > self.undelivered {
             let (messages, to) = (undelivered - self.undelivered, self.spec.to.to_string());
             self.undelivered = undelivered;
-            self.last_loss = Some((now, Cause::Undelivered { messages, to }));
+            self.losses.last = Some((now, Cause::Undelivered { messages, to }));
         }
         let state = self.judge(now);
         if moved > 0 || state != self.state {
@@ -318,13 +314,8 @@ impl Work for Relay {
         let stirred_at = *self.stirred_at.get_or_insert(now);
         let is_calm = now.saturating_duration_since(stirred_at) >= CALM_AFTER
             && !matches!(self.state, RouteState::Degraded(_));
-        let next = match (moved == BATCH, is_calm || self.is_at_rest()) {
-            (true, _) => now,
-            (false, true) => now + REST_REVIEW_EVERY,
-            (false, false) => now + REVIEW_EVERY,
-        };
         let due = [self.source.retry_at, self.sink.retry_at, review_at];
-        Progress { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+        Progress::new(now, moved, moved == BATCH, is_calm || self.is_at_rest(), due)
     }
 
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
@@ -395,10 +386,6 @@ fn rate_allows(max_rate_hz: Option<f64>, not_before: &mut Option<Instant>, now: 
     let base = not_before.filter(|at| now.saturating_duration_since(*at) < interval).unwrap_or(now);
     *not_before = base.checked_add(interval);
     true
-}
-
-fn log(route: &str, unlogged_before: u64, what: &str, text: &str) {
-    tracing::warn!(route, unlogged_before, "{what}: {text}");
 }
 
 #[cfg(test)]

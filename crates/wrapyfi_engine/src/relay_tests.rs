@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::super::route::{RouteTypes, Types};
 use super::super::route_status::RouteStatus;
+use super::super::work::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY};
 use super::*;
 use wrapyfi_data::types::{
     Encoding, Image, Map, MessageType, Payload, Pixels, Properties, RawPixels, Stamp, Tensor, Value,

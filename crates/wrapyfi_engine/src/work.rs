@@ -24,6 +24,25 @@ pub struct Progress {
     pub next: Instant,
 }
 
+impl Progress {
+    /// Progress of a step that left more to move, of a route at rest, or of one that looks at its links again; sooner
+    /// where something is due before.
+    pub(super) fn new(
+        now: Instant,
+        moved: usize,
+        has_more: bool,
+        is_at_rest: bool,
+        due: impl IntoIterator<Item = Option<Instant>>,
+    ) -> Self {
+        let next = match (has_more, is_at_rest) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
+        Self { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+    }
+}
+
 /// State of a route that has opened nothing yet.
 pub(super) fn not_begun() -> RouteState {
     RouteState::Waiting(Cause::Starting("its first step"))
