@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::action_messages::{self, GoalId, GoalStatus, StampedId, Stamps};
-use super::action_topics::ActionTopics;
+use super::action_topics::{ActionTopic, ActionTopics};
 use super::client_goals::ClientGoals;
 use super::config::NAME;
 use super::conversion::from_ros1;
@@ -78,11 +78,11 @@ impl Ros1ActionClient {
         let preempted_is_canceled = preempted.transpose()?.unwrap_or(false);
         let topics = ActionTopics::new(node, action, spec, context)?;
         Ok(Self {
-            goal: topics.publish("goal", spec.kind.goal())?,
-            cancel: topics.publish_cancel()?,
-            status: topics.listen_to_status()?,
-            feedback: topics.listen_to("feedback", spec.kind.feedback())?,
-            result: topics.listen_to("result", spec.kind.result())?,
+            goal: topics.publish(ActionTopic::Goal)?,
+            cancel: topics.publish(ActionTopic::Cancel)?,
+            status: topics.listen_to(ActionTopic::Status)?,
+            feedback: topics.listen_to(ActionTopic::Feedback)?,
+            result: topics.listen_to(ActionTopic::Result)?,
             topics,
             goals: ClientGoals::new(preempted_is_canceled),
             stamps: Stamps::default(),

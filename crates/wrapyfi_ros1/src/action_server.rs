@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use bytes::BufMut as _;
 
 use super::action_messages::{self, GoalState, RosTime, Stamps};
-use super::action_topics::ActionTopics;
+use super::action_topics::{ActionTopic, ActionTopics};
 use super::config::NAME;
 use super::conversion::from_ros1;
 use super::listener::Ros1Listener;
@@ -82,7 +82,7 @@ impl Ros1ActionServer {
         topics.check()?;
         let now = context.clock.now();
         Ok(Self {
-            others: topics.listen_to_status()?,
+            others: topics.listen_to(ActionTopic::Status)?,
             parts: None,
             goals: ServerGoals::new(spec.goals),
             requests: VecDeque::new(),
@@ -122,7 +122,7 @@ impl Ros1ActionServer {
             (None, rival) if now >= self.next_try => {
                 // The master may not have answered, or a node that was there may go.
                 self.next_try = now + LOOK_EVERY;
-                let topic = self.topics.topic("status");
+                let topic = self.topics.topic(ActionTopic::Status);
                 let is_known = self.topics.node.has_asked_for(&topic);
                 if rival.is_none() && is_known && self.others.connections().is_settled() {
                     match self.offer() {
@@ -142,11 +142,11 @@ impl Ros1ActionServer {
     fn offer(&self) -> OpenResult<Parts> {
         let ActionTopics { node, action, spec, .. } = &self.topics;
         Ok(Parts {
-            status: self.topics.publish_status()?,
-            feedback: self.topics.publish("feedback", spec.kind.feedback())?,
-            result: self.topics.publish("result", spec.kind.result())?,
-            goal: self.topics.listen_to("goal", spec.kind.goal())?,
-            cancel: self.topics.listen_to_cancel()?,
+            status: self.topics.publish(ActionTopic::Status)?,
+            feedback: self.topics.publish(ActionTopic::Feedback)?,
+            result: self.topics.publish(ActionTopic::Result)?,
+            goal: self.topics.listen_to(ActionTopic::Goal)?,
+            cancel: self.topics.listen_to(ActionTopic::Cancel)?,
             _mark: node.mark(Role::ActionServer, action, &spec.mark),
         })
     }

@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use wrapyfi_interfaces::named;
+
 use super::action_messages::{CommonType, common_types};
 use super::config::NAME;
 use super::conversion;
 use super::listener::Ros1Listener;
 use super::node::Node;
 use super::publisher::Ros1Publisher;
-use wrapyfi_data::types::{MessageType, RosType};
+use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     ActionSpec, Context, DropReason, Durability, History, OpenError, OpenResult, Overflow, Qos,
@@ -19,6 +21,19 @@ use wrapyfi_endpoint::{
 const DEPTH: u32 = 1000;
 /// Status arrays that wait: a later one says what an earlier one does.
 const STATUSES: u32 = 10;
+
+named! {
+    /// A topic of an action.
+    pub(super) enum ActionTopic {
+        Goal => "goal",
+        Cancel => "cancel",
+        Status => "status",
+        Feedback => "feedback",
+        Result => "result",
+    }
+    /// Last word of its name.
+    pub fn word;
+}
 
 /// Node, name and settings that the topics of an action share.
 pub(super) struct ActionTopics {
@@ -45,9 +60,9 @@ impl ActionTopics {
 
     /// Fails where the action can never be offered, because a part of it has no definition.
     pub(super) fn check(&self) -> OpenResult<()> {
-        let kind = self.spec.kind;
-        for part in [kind.goal(), kind.result(), kind.feedback()] {
-            conversion::offered(&self.node, &self.topic_spec(&self.action, part, DEPTH))?;
+        for part in [ActionTopic::Goal, ActionTopic::Result, ActionTopic::Feedback] {
+            let (spec, ..) = self.settings(part, DEPTH);
+            conversion::offered(&self.node, &TopicSpec { topic: self.action.clone(), ..spec })?;
         }
         Ok(())
     }
@@ -59,91 +74,63 @@ impl ActionTopics {
     }
 
     /// Name of a topic.
-    pub(super) fn topic(&self, word: &str) -> String {
-        format!("{}/{word}", self.action)
+    pub(super) fn topic(&self, topic: ActionTopic) -> String {
+        format!("{}/{topic}", self.action)
     }
 
-    fn topic_spec(&self, topic: &str, ros_type: RosType, depth: u32) -> TopicSpec {
+    /// Settings of a topic; its type on the wire, where all actions have the same; its context. Those that all actions
+    /// have the same way are no messages of a route, and counted apart.
+    fn settings(&self, topic: ActionTopic, depth: u32) -> (TopicSpec, Option<&Ros1Type>, Context) {
+        let kind = self.spec.kind;
+        let (ros_type, common) = match topic {
+            ActionTopic::Goal => (kind.goal(), None),
+            ActionTopic::Cancel => (self.cancel.ros_type, Some(&self.cancel.wire_type)),
+            ActionTopic::Status => (self.status.ros_type, Some(&self.status.wire_type)),
+            ActionTopic::Feedback => (kind.feedback(), None),
+            ActionTopic::Result => (kind.result(), None),
+        };
         let queue = QueueSpec {
             depth: usize::try_from(depth).unwrap_or(usize::MAX),
             overflow: Overflow::DropOldest,
         };
-        let qos = Qos { history: History::KeepLast(depth), ..Qos::default() };
-        let (limits, plugins) = (self.spec.limits, self.spec.plugins.clone());
-        TopicSpec {
-            qos,
+        let spec = TopicSpec {
+            qos: Qos { history: History::KeepLast(depth), ..Qos::default() },
             queue,
-            limits,
-            plugins,
-            ..TopicSpec::new(topic, MessageType::Ros(ros_type))
+            limits: self.spec.limits,
+            plugins: self.spec.plugins.clone(),
+            ..TopicSpec::new(self.topic(topic), MessageType::Ros(ros_type))
+        };
+        let mut context = self.context.clone();
+        if common.is_some() {
+            context.counters = Arc::default();
         }
+        (spec, common, context)
     }
 
-    /// Bell and clock of the end, with counters of their own: status arrays are no messages of a route.
-    fn uncounted(&self) -> Context {
-        Context { counters: Arc::default(), ..self.context.clone() }
+    pub(super) fn listen_to(&self, topic: ActionTopic) -> OpenResult<Ros1Listener> {
+        let depth = if topic == ActionTopic::Status { STATUSES } else { DEPTH };
+        let (spec, common, context) = self.settings(topic, depth);
+        let wanted = || conversion::wanted(&self.node, spec.message_type);
+        let wire_type = common.cloned().or_else(wanted).ok_or_else(|| self.unusable(&spec))?;
+        Ros1Listener::open(&self.node, &spec.topic, wire_type, &spec, &context)
     }
 
-    fn listen(
-        &self,
-        word: &str,
-        (ros_type, wire_type): (RosType, Ros1Type),
-        depth: u32,
-        context: &Context,
-    ) -> OpenResult<Ros1Listener> {
-        let topic = self.topic(word);
-        let spec = self.topic_spec(&topic, ros_type, depth);
-        Ros1Listener::open(&self.node, &topic, wire_type, &spec, context)
+    /// Publishes on a topic; later subscribers get the last status array.
+    pub(super) fn publish(&self, topic: ActionTopic) -> OpenResult<Ros1Publisher> {
+        let (mut spec, common, context) = self.settings(topic, DEPTH);
+        if topic == ActionTopic::Status {
+            spec.qos.durability = Durability::TransientLocal;
+        }
+        let offer = match common {
+            Some(wire_type) => Some((wire_type.clone(), None)),
+            None => conversion::offered(&self.node, &spec)?,
+        };
+        let offer = offer.ok_or_else(|| self.unusable(&spec))?;
+        Ros1Publisher::open(&self.node, &spec.topic, offer, &spec, &context)
     }
 
-    /// Listens to goals, feedback or results.
-    pub(super) fn listen_to(&self, word: &str, part: RosType) -> OpenResult<Ros1Listener> {
-        let wanted = conversion::wanted(&self.node, MessageType::Ros(part));
-        let wanted = wanted.ok_or_else(|| self.unusable(part))?;
-        self.listen(word, (part, wanted), DEPTH, &self.context)
-    }
-
-    pub(super) fn listen_to_cancel(&self) -> OpenResult<Ros1Listener> {
-        let CommonType { ros_type, wire_type } = &self.cancel;
-        self.listen("cancel", (*ros_type, wire_type.clone()), DEPTH, &self.uncounted())
-    }
-
-    pub(super) fn listen_to_status(&self) -> OpenResult<Ros1Listener> {
-        let CommonType { ros_type, wire_type } = &self.status;
-        self.listen("status", (*ros_type, wire_type.clone()), STATUSES, &self.uncounted())
-    }
-
-    /// Publishes goals, feedback or results.
-    pub(super) fn publish(&self, word: &str, part: RosType) -> OpenResult<Ros1Publisher> {
-        let topic = self.topic(word);
-        let spec = self.topic_spec(&topic, part, DEPTH);
-        let offer = conversion::offered(&self.node, &spec)?.ok_or_else(|| self.unusable(part))?;
-        Ros1Publisher::open(&self.node, &topic, offer, &spec, &self.context)
-    }
-
-    pub(super) fn publish_cancel(&self) -> OpenResult<Ros1Publisher> {
-        self.publish_common("cancel", &self.cancel, Durability::Volatile)
-    }
-
-    /// Publishes status arrays; later subscribers get the last one.
-    pub(super) fn publish_status(&self) -> OpenResult<Ros1Publisher> {
-        self.publish_common("status", &self.status, Durability::TransientLocal)
-    }
-
-    fn publish_common(
-        &self,
-        word: &str,
-        CommonType { wire_type, ros_type }: &CommonType,
-        durability: Durability,
-    ) -> OpenResult<Ros1Publisher> {
-        let topic = self.topic(word);
-        let mut spec = self.topic_spec(&topic, *ros_type, DEPTH);
-        spec.qos.durability = durability;
-        let offer = (wire_type.clone(), None);
-        Ros1Publisher::open(&self.node, &topic, offer, &spec, &self.uncounted())
-    }
-
-    fn unusable(&self, part: RosType) -> OpenError {
+    fn unusable(&self, spec: &TopicSpec) -> OpenError {
+        let part = spec.message_type.ros_type();
         OpenError::transport(NAME, &self.action, format!("ROS 1 has no {part}"))
     }
 }
