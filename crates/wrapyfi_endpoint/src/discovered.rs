@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::{BridgeMark, History, Liveliness, QosPolicy, Reliability, Role};
+use super::{BridgeMark, History, Interaction, Liveliness, QosPolicy, Reliability, Role};
 
 /// An endpoint, or several that are alike and that the transport lists as one.
 ///
@@ -73,7 +73,7 @@ macro_rules! shown_as_in_json {
         }
     )*};
 }
-shown_as_in_json!(Reliability, AnnouncedDurability, Liveliness, QosPolicy);
+shown_as_in_json!(Interaction, Role, Reliability, AnnouncedDurability, Liveliness, QosPolicy);
 
 /// Messages of a topic that passed through the broker since it started.
 ///

@@ -1,6 +1,5 @@
 //! The ways in which programs exchange messages, and the roles that endpoints have in them.
 
-use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -124,17 +123,5 @@ impl Role {
     /// True for a publisher and for servers, from which routes take.
     pub fn is_provider(self) -> bool {
         self == self.interaction().provider()
-    }
-}
-
-impl fmt::Display for Interaction {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.serialize(f)
-    }
-}
-
-impl fmt::Display for Role {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.serialize(f)
     }
 }

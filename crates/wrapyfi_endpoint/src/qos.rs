@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize, Serializer};
+use wrapyfi_interfaces::named;
 
 use super::discovered::{AnnouncedDurability, AnnouncedQos};
 
@@ -158,25 +159,29 @@ impl fmt::Display for Qos {
     }
 }
 
-/// A named profile, as `rmw_qos_profiles` names them.
-///
-/// ```
-/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
-/// use wrapyfi_core::endpoint::{Qos, QosPreset};
-/// let latched = Qos::from(QosPreset::Latched);
-/// assert_eq!(latched.to_string(), "reliable transient_local keep_last(1)");
-/// assert_eq!(Qos::from(QosPreset::Default), Qos::default());
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum QosPreset {
-    /// Reliable, volatile, keep-last 10.
-    Default,
-    /// Best effort, volatile, keep-last 5.
-    SensorData,
-    /// Reliable, transient local, keep-last 1: what ROS 1 called latched.
-    Latched,
+named! {
+    /// A named profile, as `rmw_qos_profiles` names them.
+    ///
+    /// ```
+    /// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+    /// use wrapyfi_core::endpoint::{Qos, QosPreset};
+    /// let latched = Qos::from(QosPreset::Latched);
+    /// assert_eq!(latched.to_string(), "reliable transient_local keep_last(1)");
+    /// assert_eq!(Qos::from(QosPreset::Default), Qos::default());
+    /// ```
+    #[derive(Serialize)]
+    #[serde(rename_all = "snake_case")]
+    #[non_exhaustive]
+    pub enum QosPreset {
+        /// Reliable, volatile, keep-last 10.
+        Default => "default",
+        /// Best effort, volatile, keep-last 5.
+        SensorData => "sensor_data",
+        /// Reliable, transient local, keep-last 1: what ROS 1 called latched.
+        Latched => "latched",
+    }
+    /// Word in configurations and options.
+    pub fn name, from_name;
 }
 
 impl From<QosPreset> for Qos {

@@ -80,16 +80,10 @@ pub(super) fn limits(options: &Options) -> Result<Limits, OptionError> {
 }
 
 pub(super) fn qos(options: &Options) -> Result<Option<QosPreset>, OptionError> {
-    Ok(match options.text("qos")? {
-        None => None,
-        Some("default") => Some(QosPreset::Default),
-        Some("sensor_data") => Some(QosPreset::SensorData),
-        Some("latched") => Some(QosPreset::Latched),
-        Some(other) => {
-            let wanted = "default, sensor_data or latched";
-            return Err(OptionError::new("qos", format_args!("{other:?}"), wanted));
-        }
-    })
+    let Some(word) = options.text("qos")? else { return Ok(None) };
+    let wanted = "default, sensor_data or latched";
+    let preset = QosPreset::from_name(word).map(Some);
+    preset.ok_or_else(|| OptionError::new("qos", format_args!("{word:?}"), wanted))
 }
 
 pub(super) fn color_order(options: &Options) -> Result<Encoding, OptionError> {
