@@ -4,12 +4,16 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use wrapyfi_data::types::{MessageType, ServiceKind};
 use wrapyfi_endpoint::EndpointAddress;
 
 use crate::options::EndpointOptions;
 use crate::own_address::OwnAddress;
 use crate::top::routes::Sort;
+
+pub use crate::action_cli::{
+    ActionCommand, ActionEndpoint, ActionInfoArgs, ActionSendArgs, ActionServeArgs,
+};
+pub use crate::type_names::{ServiceName, TypeName};
 
 /// Wrapyfi for ROS 2: native objects, arrays, images, sound and messages of any type between ZeroMQ, YARP,
 /// ROS 1 and ROS 2.
@@ -366,144 +370,6 @@ pub struct ServeArgs {
     pub ports: ServicePorts,
 }
 
-/// Subcommand of `wrapyfi action`.
-#[derive(Debug, Subcommand)]
-pub enum ActionCommand {
-    /// List the actions that exist now, with their servers and clients.
-    List(ListArgs),
-    /// Show the servers and clients of one action.
-    Info {
-        /// Action, for instance ros2:/navigate_to_pose.
-        endpoint: EndpointAddress,
-        /// Settings of the look.
-        #[command(flatten)]
-        args: ActionInfoArgs,
-    },
-    /// Send a goal, and print its state, its feedback as it comes, and its result. Ctrl-C cancels the goal.
-    Send(ActionSendArgs),
-    /// Offer an action, and print its goals.
-    Serve(ActionServeArgs),
-    /// Ask the server of an action to give up all its goals.
-    Cancel {
-        /// The action.
-        #[command(flatten)]
-        at: ActionEndpoint,
-        /// Fail with exit code 3 when there is no server within S seconds.
-        #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
-        timeout: Duration,
-    },
-}
-
-/// Action on the command line.
-#[derive(Debug, Args)]
-pub struct ActionEndpoint {
-    /// Action, for instance ros2:/navigate_to_pose or ros:/move_base; on ZeroMQ and YARP a function, whose call is
-    /// the goal and whose reply is the result.
-    pub endpoint: EndpointAddress,
-    /// Settings of the endpoint.
-    #[command(flatten)]
-    pub options: EndpointOptions,
-    /// Type of the action as package/action/Type. A client may leave it out on ROS 2 and ROS 1: it is what the server
-    /// announces.
-    #[arg(long = "type", value_name = "T")]
-    pub action_type: Option<String>,
-    /// Folder of packages with .action files, searched before AMENT_PREFIX_PATH; may be given more than once.
-    #[arg(long, value_name = "DIR")]
-    pub definitions: Vec<PathBuf>,
-    /// Ports of the ZeroMQ broker.
-    #[command(flatten)]
-    pub ports: ServicePorts,
-}
-
-/// Arguments of `wrapyfi action info`.
-#[derive(Debug, Args)]
-pub struct ActionInfoArgs {
-    /// One JSON object a line for each endpoint.
-    #[arg(long)]
-    pub json: bool,
-    /// Time to look, in seconds.
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub wait: Option<Duration>,
-    /// Address at which others reach the node that looks.
-    #[command(flatten)]
-    pub own: OwnAddress,
-}
-
-impl ActionInfoArgs {
-    /// The same as arguments of a list of one middleware.
-    pub fn of(&self, middleware: &str) -> ListArgs {
-        let Self { json, wait, own } = *self;
-        ListArgs { middleware: Some(middleware.to_owned()), json, wait, own }
-    }
-}
-
-/// Arguments of `wrapyfi action send`.
-#[derive(Debug, Args)]
-pub struct ActionSendArgs {
-    /// The action.
-    #[command(flatten)]
-    pub at: ActionEndpoint,
-    /// Fields of the goal as a JSON object, where those that are left out have their default.
-    #[arg(long, value_name = "JSON", conflicts_with = "args")]
-    pub value: Option<String>,
-    /// First fields of the goal in order, as a JSON list.
-    #[arg(long, value_name = "JSON")]
-    pub args: Option<String>,
-    /// Do not print feedback.
-    #[arg(long)]
-    pub no_feedback: bool,
-    /// Fail with exit code 3 when there is no server within S seconds. A goal has all the time that it needs.
-    #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
-    pub timeout: Duration,
-    /// Print one JSON object a line: goal with the state or feedback, and value.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Arguments of `wrapyfi action serve`.
-#[derive(Debug, Args)]
-pub struct ActionServeArgs {
-    /// The action.
-    #[command(flatten)]
-    pub at: ActionEndpoint,
-    /// Fields of every result as a JSON object, where those that are left out have their default.
-    #[arg(long, value_name = "JSON")]
-    pub value: Option<String>,
-    /// Fields of the feedback that goals under way have.
-    #[arg(long, value_name = "JSON")]
-    pub feedback: Option<String>,
-    /// Time between two messages of feedback, in seconds.
-    #[arg(long, value_name = "S", default_value = "0.5", value_parser = seconds)]
-    pub every: Duration,
-    /// Time that a goal takes, in seconds.
-    #[arg(long, value_name = "S", default_value = "0", value_parser = seconds)]
-    pub seconds: Duration,
-    /// Abort goals in place of reaching them.
-    #[arg(long)]
-    pub abort: bool,
-    /// End after this many goals.
-    #[arg(long, value_name = "N")]
-    pub count: Option<u64>,
-    /// Print each goal as one JSON object: type, and the value.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Type of a service as `--type` names it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ServiceName(pub String);
-
-impl std::str::FromStr for ServiceName {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.parse::<ServiceKind>() {
-            Ok(kind) => Ok(Self(kind.ros_type().to_owned())),
-            Err(error) => of_ros(text, "srv", &format!("{error}, or any ROS type")).map(Self),
-        }
-    }
-}
-
 /// Arguments of `wrapyfi broker`.
 #[derive(Debug, Args)]
 pub struct BrokerArgs {
@@ -586,42 +452,8 @@ pub struct DetectArgs {
     pub timeout: Duration,
 }
 
-/// A type as `--type` names it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum TypeName {
-    /// One that routes carry.
-    Known(MessageType),
-    /// Another ROS type, by its full name: `geometry_msgs/msg/Twist`.
-    Ros(String),
-}
-
-impl std::str::FromStr for TypeName {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let expected = match text.parse() {
-            Ok(known) => return Ok(Self::Known(known)),
-            Err(error) => format!("{error}, or any ROS type"),
-        };
-        of_ros(text, "msg", &expected).map(Self::Ros)
-    }
-}
-
-/// The full name of a ROS type, `package/msg/Name` or `package/srv/Name`; what was `expected`, where it is none.
-fn of_ros(text: &str, kind: &str, expected: &str) -> Result<String, String> {
-    match text.split('/').collect::<Vec<_>>()[..] {
-        [package, of, name] if of == kind && !package.is_empty() && !name.is_empty() => {
-            Ok(text.to_owned())
-        }
-        [package, name] if !package.is_empty() && !name.is_empty() => {
-            Err(format!("{expected}: did you mean {package}/{kind}/{name}?"))
-        }
-        _ => Err(format!("{expected} as package/{kind}/Name")),
-    }
-}
-
 /// A span of time given in seconds, at most a year.
-fn seconds(text: &str) -> Result<Duration, String> {
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=31_536_000.0).contains(&value) => {
             Duration::try_from_secs_f64(value).map_err(|error| error.to_string())
@@ -645,13 +477,8 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 fn qos(text: &str) -> Result<wrapyfi_endpoint::QosPreset, String> {
-    use wrapyfi_endpoint::QosPreset;
-    match text {
-        "default" => Ok(QosPreset::Default),
-        "sensor_data" => Ok(QosPreset::SensorData),
-        "latched" => Ok(QosPreset::Latched),
-        _ => Err("must be default, sensor_data or latched".to_owned()),
-    }
+    let preset = wrapyfi_endpoint::QosPreset::from_name(text);
+    preset.ok_or_else(|| "must be default, sensor_data or latched".to_owned())
 }
 
 #[cfg(test)]
@@ -663,30 +490,6 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn types_are_known_or_ros() {
-        assert_eq!("Image".parse(), Ok(TypeName::Known(MessageType::Image)));
-        let twist = "geometry_msgs/msg/Twist";
-        assert_eq!(twist.parse(), Ok(TypeName::Ros(twist.to_owned())));
-        let error = "geometry_msgs/Twist".parse::<TypeName>().unwrap_err();
-        assert!(error.contains("did you mean geometry_msgs/msg/Twist?"), "{error}");
-        let error = "Twist".parse::<TypeName>().unwrap_err();
-        assert!(error.contains("did you mean `geometry_msgs/msg/Twist`?"), "{error}");
-        assert!("a/srv/B".parse::<TypeName>().is_err());
-    }
-
-    #[test]
-    fn services_have_short_names_too() {
-        let name = |text: &str| text.parse::<ServiceName>().map(|name| name.0);
-        assert_eq!(name("NativeObject").unwrap(), "wrapyfi_msgs/srv/NativeObjectService");
-        assert_eq!(name("std_srvs/srv/SetBool").unwrap(), "std_srvs/srv/SetBool");
-        let error = name("std_srvs/SetBool").unwrap_err();
-        assert!(error.contains("did you mean std_srvs/srv/SetBool?"), "{error}");
-        let error = name("SetBool").unwrap_err();
-        assert!(error.contains("did you mean `std_srvs/srv/SetBool`?"), "{error}");
-        assert!(name("std_msgs/msg/String").is_err());
     }
 
     #[test]

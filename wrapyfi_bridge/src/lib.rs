@@ -31,6 +31,7 @@
 //! A library so that a program with middlewares of its own is [`main`] with a list; the rest promises no stable interface.
 
 pub mod aborted;
+mod action_cli;
 pub mod canonical;
 pub mod cli;
 pub mod columns;
@@ -63,6 +64,7 @@ pub mod shutdown;
 pub mod sros2;
 pub mod status_line;
 pub mod top;
+mod type_names;
 pub mod visible;
 pub mod why;
 pub mod words;
