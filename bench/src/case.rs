@@ -1,6 +1,7 @@
 //! Cases of the benchmark: the ways, and the payloads on each.
 
 use clap::ValueEnum;
+use wrapyfi_interfaces::named;
 
 use crate::payload::Kind::{
     self, Audio, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb,
@@ -8,45 +9,34 @@ use crate::payload::Kind::{
 use crate::payload::name;
 use crate::worker::Order;
 
-/// The way of a message; those that are compared stand next to each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
-pub(crate) enum Way {
-    /// PUB, our broker, SUB; encoded beforehand.
-    RawZmq,
-    /// Our publisher, our broker, SUB.
-    OurPublisher,
-    /// CDR writer, CDR reader; encoded beforehand.
-    RawDds,
-    /// Raw PUB, our broker, bridge, CDR reader.
-    ZmqToRos,
-    /// CDR writer, bridge, our broker, raw SUB.
-    RosToZmq,
-    /// Python Wrapyfi: publisher, its broker, listener.
-    PythonHop,
-    /// Our publisher, our broker, our listener; coding included.
-    RustHop,
-    /// Python Wrapyfi: publisher, its broker, forwarding script, its broker, listener.
-    PythonForward,
-    /// Our publisher, our broker, bridge, our broker, our listener; coded at every station.
-    RustForward,
+named! {
+    /// The way of a message; those that are compared stand next to each other.
+    #[derive(PartialOrd, Ord, ValueEnum)]
+    pub(crate) enum Way {
+        /// PUB, our broker, SUB; encoded beforehand.
+        RawZmq => "raw ZeroMQ hop (PUB, broker, SUB)",
+        /// Our publisher, our broker, SUB.
+        OurPublisher => "our publisher, broker, SUB",
+        /// CDR writer, CDR reader; encoded beforehand.
+        RawDds => "raw CycloneDDS hop (CDR)",
+        /// Raw PUB, our broker, bridge, CDR reader.
+        ZmqToRos => "bridge ZeroMQ to ROS 2",
+        /// CDR writer, bridge, our broker, raw SUB.
+        RosToZmq => "bridge ROS 2 to ZeroMQ",
+        /// Python Wrapyfi: publisher, its broker, listener.
+        PythonHop => "Python Wrapyfi, one hop with coding",
+        /// Our publisher, our broker, our listener; coding included.
+        RustHop => "our library, one hop with coding",
+        /// Python Wrapyfi: publisher, its broker, forwarding script, its broker, listener.
+        PythonForward => "Python Wrapyfi, forwarded, with coding",
+        /// Our publisher, our broker, bridge, our broker, our listener; coded at every station.
+        RustForward => "our bridge, ZeroMQ to ZeroMQ, with coding",
+    }
+    /// Title of the way, for people.
+    pub fn title;
 }
 
 impl Way {
-    /// Title of the way, for people.
-    pub(crate) fn title(self) -> &'static str {
-        match self {
-            Self::RawZmq => "raw ZeroMQ hop (PUB, broker, SUB)",
-            Self::OurPublisher => "our publisher, broker, SUB",
-            Self::RawDds => "raw CycloneDDS hop (CDR)",
-            Self::ZmqToRos => "bridge ZeroMQ to ROS 2",
-            Self::RosToZmq => "bridge ROS 2 to ZeroMQ",
-            Self::RustHop => "our library, one hop with coding",
-            Self::RustForward => "our bridge, ZeroMQ to ZeroMQ, with coding",
-            Self::PythonHop => "Python Wrapyfi, one hop with coding",
-            Self::PythonForward => "Python Wrapyfi, forwarded, with coding",
-        }
-    }
-
     /// True where Python Wrapyfi is needed.
     pub(crate) fn is_python(self) -> bool {
         matches!(self, Self::PythonHop | Self::PythonForward)

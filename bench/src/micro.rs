@@ -18,7 +18,8 @@ use anyhow::{Context as _, Result};
 use base64_simd::{AsOut as _, STANDARD};
 use bytes::Bytes;
 use clap::ValueEnum as _;
-use criterion::Criterion;
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion};
 use memchr::{memmem, memrchr};
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_data::Limits;
@@ -200,6 +201,15 @@ impl Micro {
     }
 }
 
+/// Measures `run`, which is called many times.
+fn time<T>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    name: impl Into<String>,
+    mut run: impl FnMut() -> T,
+) {
+    group.bench_function(name.into(), |it| it.iter(&mut run));
+}
+
 /// Our coder and base64 alone on one and the same text.
 fn native(criterion: &mut Criterion) -> Result<()> {
     let Payload::NativeObject(object) = Maker::new(Kind::F32Mib)?.payload(1) else {
@@ -214,31 +224,23 @@ fn native(criterion: &mut Criterion) -> Result<()> {
     anyhow::ensure!(file.len() > 1 << 20, "the array file has {} bytes only", file.len());
     let mut buffer = file.clone();
     let mut group = criterion.benchmark_group("native");
-    group.bench_function("base64 decode", |it| {
-        // Into memory that is there already: a bound has nothing to allocate.
-        it.iter(|| STANDARD.decode(black_box(base64), buffer.as_out()).map(|out| out.len()));
+    // Into memory that is there already: a bound has nothing to allocate.
+    time(&mut group, "base64 decode", || {
+        STANDARD.decode(black_box(base64), buffer.as_out()).map(|out| out.len())
     });
-    group.bench_function("decode", |it| {
-        it.iter(|| json::decode(black_box(&text), &limits, &plugins));
-    });
-    group.bench_function("base64 encode", |it| {
-        it.iter(|| STANDARD.encode_type::<Vec<u8>>(black_box(&file)));
-    });
-    group.bench_function("encode", |it| {
-        it.iter(|| json::encode(black_box(&value), &plugins));
-    });
+    time(&mut group, "decode", || json::decode(black_box(&text), &limits, &plugins));
+    time(&mut group, "base64 encode", || STANDARD.encode_type::<Vec<u8>>(black_box(&file)));
+    time(&mut group, "encode", || json::encode(black_box(&value), &plugins));
     group.finish();
     let mut group = criterion.benchmark_group("base64");
     // With the 128 bytes of the array's header, as Wrapyfi sends them.
     let bytes = vec![0x5A_u8; 640 * 480 * 3 + 128];
     let text = STANDARD.encode_type::<Vec<u8>>(&bytes);
     let mut buffer = bytes.clone();
-    group.bench_function("decode vga-rgb", |it| {
-        it.iter(|| STANDARD.decode(black_box(&text), buffer.as_out()).map(|out| out.len()));
+    time(&mut group, "decode vga-rgb", || {
+        STANDARD.decode(black_box(&text), buffer.as_out()).map(|out| out.len())
     });
-    group.bench_function("encode vga-rgb", |it| {
-        it.iter(|| STANDARD.encode_type::<Vec<u8>>(black_box(&bytes)));
-    });
+    time(&mut group, "encode vga-rgb", || STANDARD.encode_type::<Vec<u8>>(black_box(&bytes)));
     group.finish();
     Ok(())
 }
@@ -251,33 +253,27 @@ fn payloads(criterion: &mut Criterion) -> Result<()> {
         let encoded: Vec<Bytes> =
             frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
         let mut group = criterion.benchmark_group("zeromq");
-        group.bench_function(format!("encode {name}"), |it| {
-            it.iter(|| frames::encode(black_box(&payload), &spec));
-        });
-        group.bench_function(format!("decode {name}"), |it| {
-            it.iter(|| decode_frames(black_box(&encoded), &spec));
-        });
+        time(&mut group, format!("encode {name}"), || frames::encode(black_box(&payload), &spec));
+        time(&mut group, format!("decode {name}"), || decode_frames(black_box(&encoded), &spec));
         group.finish();
         let (cdr, plugins) = (Bytes::from(maker.cdr()?.body), wrapyfi_plugins::standard());
         let mut group = criterion.benchmark_group("cdr");
-        group.bench_function(format!("encode {name}"), |it| {
-            // Its pieces share the payload's memory.
-            it.iter(|| {
-                drop(black_box(ros::encode(black_box(&payload), message_type, &plugins)));
-            });
+        // Its pieces share the payload's memory.
+        time(&mut group, format!("encode {name}"), || {
+            drop(black_box(ros::encode(black_box(&payload), message_type, &plugins)));
         });
-        group.bench_function(format!("decode {name}"), |it| {
-            it.iter(|| ros::decode(black_box(&cdr), message_type, &limits, &plugins));
+        time(&mut group, format!("decode {name}"), || {
+            ros::decode(black_box(&cdr), message_type, &limits, &plugins)
         });
         group.finish();
         if kind == Kind::VgaJpeg {
             let pixels = maker.uncoded(1)?;
             let mut group = criterion.benchmark_group("pixels");
-            group.bench_function(format!("encode {name}"), |it| {
-                it.iter(|| compress(pixels.clone()).map(|file| frames::encode(&file, &spec)));
+            time(&mut group, format!("encode {name}"), || {
+                compress(pixels.clone()).map(|file| frames::encode(&file, &spec))
             });
-            group.bench_function(format!("decode {name}"), |it| {
-                it.iter(|| decode_frames(black_box(&encoded), &spec).map(decompress));
+            time(&mut group, format!("decode {name}"), || {
+                decode_frames(black_box(&encoded), &spec).map(decompress)
             });
             group.finish();
         }
@@ -339,24 +335,18 @@ fn ros1(criterion: &mut Criterion) -> Result<()> {
         plan.to_cdr(&ros1, &options, &mut cdr)?;
         plan.to_ros1(&cdr, 1, &options, &mut back)?;
         anyhow::ensure!(back.len() == ros1.len(), "{name} comes back with {} bytes", back.len());
-        group.bench_function(format!("{name} memcpy"), |it| {
-            it.iter(|| {
-                copy.clear();
-                copy.extend_from_slice(black_box(&ros1));
-            });
+        time(&mut group, format!("{name} memcpy"), || {
+            copy.clear();
+            copy.extend_from_slice(black_box(&ros1));
         });
         let mut forth = Vec::new();
-        group.bench_function(format!("{name} to CDR"), |it| {
-            it.iter(|| {
-                forth.clear();
-                plan.to_cdr(black_box(&ros1), &options, &mut forth)
-            });
+        time(&mut group, format!("{name} to CDR"), || {
+            forth.clear();
+            plan.to_cdr(black_box(&ros1), &options, &mut forth)
         });
-        group.bench_function(format!("{name} from CDR"), |it| {
-            it.iter(|| {
-                back.clear();
-                plan.to_ros1(black_box(&cdr), 1, &options, &mut back)
-            });
+        time(&mut group, format!("{name} from CDR"), || {
+            back.clear();
+            plan.to_ros1(black_box(&cdr), 1, &options, &mut back)
         });
     }
     group.finish();
@@ -386,7 +376,7 @@ fn dynamic(criterion: &mut Criterion) -> Result<()> {
     }
     let cdr = plan.encode(&message)?.to_bytes();
     let mut group = criterion.benchmark_group("dynamic");
-    group.bench_function("JointState", |it| it.iter(|| plan.decode(black_box(&cdr), 1 << 20)));
+    time(&mut group, "JointState", || plan.decode(black_box(&cdr), 1 << 20));
     group.finish();
     Ok(())
 }
@@ -413,29 +403,25 @@ fn registered(criterion: &mut Criterion) -> Result<()> {
     };
     let mut group = criterion.benchmark_group("registered");
     let mut bare = Robot { calls: 0 };
-    group.bench_function("method", |it| it.iter(|| bare.object(black_box(1))));
+    time(&mut group, "method", || bare.object(black_box(1)));
     let mut alone = robot(Mode::Publish)?;
-    group.bench_function("unheard", |it| it.iter(|| alone.object(black_box(1))));
+    time(&mut group, "unheard", || alone.object(black_box(1)));
     drop(alone);
     let (mut here, mut there) = (robot(Mode::Publish)?, robot(Mode::Listen)?);
     while there.object(0)?.is_none() {
         here.object(1)?;
     }
-    group.bench_function("listen", |it| {
-        it.iter(|| {
-            _ = black_box(here.object(1));
-            there.object(0)
-        });
+    time(&mut group, "listen", || {
+        _ = black_box(here.object(1));
+        there.object(0)
     });
     let (spec, ends) =
         (TopicSpec::new("/raw", MessageType::NativeObject), endpoint::Context::default());
     let mut listener = bus.open_listener(&spec, &ends)?;
     let mut publisher = bus.open_publisher(&spec, &endpoint::Context::default())?;
-    group.bench_function("raw", |it| {
-        it.iter(|| {
-            _ = black_box(publisher.publish(&Payload::from(bare.object(1))));
-            listener.take()
-        });
+    time(&mut group, "raw", || {
+        _ = black_box(publisher.publish(&Payload::from(bare.object(1))));
+        listener.take()
     });
     group.finish();
     Ok(())

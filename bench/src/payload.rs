@@ -20,48 +20,39 @@ use wrapyfi_data::types::{
 };
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{self, jpeg, ros};
+use wrapyfi_interfaces::named;
 use wrapyfi_zeromq::codec as frames;
 
 /// Numbers are counted from here: ten digits, and a plausible time.
 pub(crate) const BASE: u32 = 1_700_000_000;
 
-/// A payload of the measurements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Kind {
-    /// A dict of a few numbers and words.
-    Small,
-    /// 8820 float32 samples at 44.1 kHz.
-    Audio,
-    /// A dict with a uint8 array of 200 x 200 x 3.
-    U8Rgb200,
-    /// A 640 x 480 colour picture as a JPEG file.
-    VgaJpeg,
-    /// A dict with 1 MiB of float32.
-    F32Mib,
-    /// 640 x 480 RGB.
-    VgaRgb,
-    /// A file of 1 MiB that goes as it is: no coding.
-    FileMib,
-    /// 1920 x 1080 RGB.
-    FullHdRgb,
+named! {
+    /// A payload of the measurements.
+    #[derive(PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
+    #[serde(rename_all = "kebab-case")]
+    pub(crate) enum Kind {
+        /// A dict of a few numbers and words.
+        Small => "small dict",
+        /// 8820 float32 samples at 44.1 kHz.
+        Audio => "audio, 8820 samples",
+        /// A dict with a uint8 array of 200 x 200 x 3.
+        U8Rgb200 => "dict with u8 200x200x3",
+        /// A 640 x 480 colour picture as a JPEG file.
+        VgaJpeg => "640x480 JPEG",
+        /// A dict with 1 MiB of float32.
+        F32Mib => "dict with 1 MiB float32",
+        /// 640 x 480 RGB.
+        VgaRgb => "640x480 RGB",
+        /// A file of 1 MiB that goes as it is: no coding.
+        FileMib => "file of 1 MiB",
+        /// 1920 x 1080 RGB.
+        FullHdRgb => "1920x1080 RGB",
+    }
+    /// Title of the payload, for people.
+    pub fn title;
 }
 
 impl Kind {
-    /// Title of the payload, for people.
-    pub(crate) fn title(self) -> &'static str {
-        match self {
-            Self::Small => "small dict",
-            Self::Audio => "audio, 8820 samples",
-            Self::U8Rgb200 => "dict with u8 200x200x3",
-            Self::VgaJpeg => "640x480 JPEG",
-            Self::F32Mib => "dict with 1 MiB float32",
-            Self::VgaRgb => "640x480 RGB",
-            Self::FileMib => "file of 1 MiB",
-            Self::FullHdRgb => "1920x1080 RGB",
-        }
-    }
-
     /// Type that a route for the payload is configured with.
     pub(crate) fn message_type(self) -> MessageType {
         match self {
