@@ -11,7 +11,9 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
     ListParameters_Response, SetParameters_Response, SetParametersAtomically_Response,
 };
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Response;
+use wrapyfi_interfaces::type_description_interfaces::srv::{
+    GetTypeDescription_Request, GetTypeDescription_Response,
+};
 use wrapyfi_node::parameters::{ParameterDescriptor, ParameterService, ParameterStore};
 use wrapyfi_node::type_description::TypeDescriptions;
 use wrapyfi_node::{NodeName, ParameterType, ParameterValue};
@@ -86,8 +88,11 @@ fn type_description(request: &Bytes) {
     let mut types = TypeDescriptions::default();
     let string = "std_msgs/msg/String";
     let hash = types.add_named(&mut TypeStore::generated(), string).expect("a known type");
-    let reply = bounded(request.len(), REPLY, || types.answer_cdr(request, LIMITS.message_bytes));
-    let Ok(reply) = reply else { return };
+    let reply = bounded(request.len(), REPLY, || {
+        let request = GetTypeDescription_Request::decode(request, LIMITS.message_bytes).ok()?;
+        Some(types.answer(&request).encode())
+    });
+    let Some(reply) = reply else { return };
     let reply = read::<GetTypeDescription_Response>(&reply);
     assert_eq!(reply.successful, reply.failure_reason.is_empty());
     let named = reply.type_description.type_description.type_name;

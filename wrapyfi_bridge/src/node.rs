@@ -32,18 +32,10 @@ impl Node {
         Ok(Self { name: NodeName::new(name, "/")?, args, overrides })
     }
 
-    /// A node of a command: hidden from `ros2 node list`, with a name no other process has.
-    ///
-    /// # Errors
-    /// Never in practice: the name is made of letters and digits.
-    pub fn hidden() -> Result<Self, NameError> {
-        Self::named(&format!("_wrapyfi_{}", std::process::id()))
-    }
-
     /// The bridge's node under its default name.
     ///
     /// # Errors
-    /// Never in practice, as [`Node::hidden`].
+    /// Never in practice: the name is one of the graph.
     pub fn bridge() -> Result<Self, NameError> {
         Self::named(DEFAULT_NAME)
     }

@@ -11,9 +11,6 @@
 
 use std::collections::BTreeMap;
 
-use bytes::Bytes;
-use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
 use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 use wrapyfi_interfaces::type_description_interfaces::msg::{TypeDescription, TypeSource};
 use wrapyfi_interfaces::type_description_interfaces::srv::{
@@ -93,15 +90,6 @@ impl TypeDescriptions {
         }
     }
 
-    /// Answers a request as it came from the wire.
-    ///
-    /// # Errors
-    /// When the bytes are more than `max_bytes` or no such request; it gets no answer.
-    pub fn answer_cdr(&self, request: &Bytes, max_bytes: usize) -> Result<CdrParts, CdrError> {
-        let request = GetTypeDescription_Request::decode(request, max_bytes)?;
-        Ok(self.answer(&request).encode())
-    }
-
     /// Answers a request. A type that the node does not use is refused in the words of ROS 2.
     pub fn answer(&self, request: &GetTypeDescription_Request) -> GetTypeDescription_Response {
         let refused = |reason: &str| GetTypeDescription_Response {
@@ -136,6 +124,8 @@ fn hash(text: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_interfaces::Message as _;
+
     use super::*;
     use crate::test_data::{self, RMWS};
     use wrapyfi_interfaces::parser::{Dialect, TypeName};
@@ -172,7 +162,8 @@ mod tests {
             assert_eq!(recorded.len(), 8);
             for exchange in recorded.chunks(2) {
                 let [(_, request), (_, recorded)] = exchange else { panic!("{exchange:?}") };
-                let reply = types.answer_cdr(request, 1 << 16).unwrap();
+                let request = GetTypeDescription_Request::decode(request, 1 << 16).unwrap();
+                let reply = types.answer(&request).encode();
                 let recorded = test_data::clean::<GetTypeDescription_Response>(rmw, recorded);
                 assert_eq!(test_data::padded(&reply.to_bytes()), recorded, "{rmw} {request:?}");
             }

@@ -80,6 +80,7 @@ use wrapyfi_yarp::port::{Network, NetworkOptions, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
+use self::served_board::{BoardListener, BoardPublisher};
 use self::shared::InstanceState;
 pub use config::YarpConfig;
 pub use error::YarpError;
@@ -296,34 +297,20 @@ impl Middleware for Yarp {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.may_listen()?;
-        let options = options::YarpOptions::of_topic(spec)?;
-        if options.board {
-            let end = served_board::BoardListener::open(
-                &self.boards,
-                &self.shared,
-                spec,
-                &options,
-                context,
-            )?;
-            return Ok(Box::new(end));
-        }
-        Ok(Box::new(listener::YarpListener::open(&self.shared, spec, options, context)?))
+        let (options, shared) = (options::YarpOptions::of_topic(spec)?, &self.shared);
+        Ok(match options.board {
+            true => Box::new(BoardListener::open(&self.boards, shared, spec, &options, context)?),
+            false => Box::new(listener::YarpListener::open(shared, spec, options, context)?),
+        })
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.may_listen()?;
-        let options = options::YarpOptions::of_topic(spec)?;
-        if options.board {
-            let end = served_board::BoardPublisher::open(
-                &self.boards,
-                &self.shared,
-                spec,
-                &options,
-                context,
-            )?;
-            return Ok(Box::new(end));
-        }
-        Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, options, context)?))
+        let (options, shared) = (options::YarpOptions::of_topic(spec)?, &self.shared);
+        Ok(match options.board {
+            true => Box::new(BoardPublisher::open(&self.boards, shared, spec, &options, context)?),
+            false => Box::new(publisher::YarpPublisher::open(shared, spec, options, context)?),
+        })
     }
 
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {

@@ -12,7 +12,6 @@
 //! A broker lives in a thread of its owner: it cannot outlive the process and keep the ports. No name of a service
 //! travels: one pair of ports is one service, and several servers on it are asked in turn.
 
-use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -43,7 +42,6 @@ use wrapyfi_endpoint::{Mutex, Throttle};
 /// ```
 #[derive(Debug)]
 pub struct RunningBroker<S> {
-    ip: IpAddr,
     ports: [u16; 2],
     status: Arc<Mutex<S>>,
     _runs: Runs,
@@ -71,11 +69,6 @@ where
         Self::start_with(config, &Arc::default())
     }
 
-    /// Address it is bound to.
-    pub fn ip(&self) -> IpAddr {
-        self.ip
-    }
-
     /// Counters; of topics, subscriptions at most half a second old.
     pub fn status(&self) -> S {
         self.status.lock().clone()
@@ -94,7 +87,7 @@ where
         let ([front, back], [front_port, back_port]) = (Self::SETTINGS, ports);
         let name = T::NAME;
         tracing::info!(%ip, public_key, "{name} runs: {front} {front_port}, {back} {back_port}");
-        Ok(Self { ip, ports, status, _runs: runs })
+        Ok(Self { ports, status, _runs: runs })
     }
 }
 

@@ -1,7 +1,5 @@
 //! The parts behind a plug-in key, which are read in place and written straight into the text.
 
-use std::borrow::Cow;
-
 use bytes::Bytes;
 
 use super::PluginError;
@@ -132,22 +130,6 @@ impl Body<'_> {
         match self.elements.get(part) {
             Some(Element::Value(value)) => Ok(value),
             _ => Err(self.expected(part, "something that is no text")),
-        }
-    }
-
-    /// Value of a part of any kind.
-    ///
-    /// # Errors
-    /// When the part is absent, or text that cannot be read.
-    pub fn any(&self, part: usize) -> Result<Cow<'_, Value>, PluginError> {
-        match self.elements.get(part) {
-            Some(Element::Value(value)) => Ok(Cow::Borrowed(value)),
-            Some(Element::Text(raw)) => match raw.decode() {
-                Ok(Text::Valid(text)) => Ok(Cow::Owned(Value::Str(text))),
-                Ok(Text::Utf16(units)) => Ok(Cow::Owned(Value::Utf16(units))),
-                Err(reason) => Err(PluginError::malformed(part, reason)),
-            },
-            None => Err(self.expected(part, "a part")),
         }
     }
 

@@ -76,11 +76,6 @@ impl DeviceMap {
         Ok(Self { framework, default, devices })
     }
 
-    /// Library of the tensors.
-    pub fn framework(&self) -> Framework {
-        self.framework
-    }
-
     /// Device for a tensor labelled `device`; `None` where it keeps its label.
     pub fn target(&self, device: &str) -> Option<&str> {
         let named = match self.devices.get(device) {

@@ -109,16 +109,6 @@ impl Definition {
 }
 
 impl ServiceDefinition {
-    /// Reads a full text: request, `---`, response, then the types they refer to.
-    ///
-    /// # Errors
-    /// As [`Definition::from_header`].
-    pub fn from_text(type_name: &str, text: &str) -> Result<Self, DefinitionError> {
-        let name = parse_name(InterfaceKind::Service, type_name)?;
-        let resolved = ResolvedType::from_text(Dialect::Ros1, &name, text)?;
-        Self::with_text(&resolved, text.to_owned())
-    }
-
     /// Finds a service in a store of ROS 1 definitions.
     ///
     /// # Errors
@@ -134,12 +124,8 @@ impl ServiceDefinition {
         resolved: &ResolvedType,
         texts: &BTreeMap<String, String>,
     ) -> Result<Self, DefinitionError> {
-        let text = full_text(resolved.name(), resolved, texts);
-        Self::with_text(resolved, text)
-    }
-
-    fn with_text(resolved: &ResolvedType, text: String) -> Result<Self, DefinitionError> {
         let name = resolved.name().clone();
+        let text = full_text(&name, resolved, texts);
         let no_service = || DefinitionError::Kind { name: name.clone(), expected: "service" };
         let is_service = name.kind() == InterfaceKind::Service && name.file_stem() == name.name();
         let part = |suffix| resolved.part(suffix).filter(|_| is_service).ok_or_else(no_service);

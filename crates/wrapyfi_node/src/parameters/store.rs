@@ -222,11 +222,6 @@ impl ParameterStore {
         &self.overrides
     }
 
-    /// Fully qualified name of the node.
-    pub fn node(&self) -> &str {
-        &self.node
-    }
-
     /// Sets a parameter.
     ///
     /// # Errors

@@ -122,11 +122,6 @@ impl NameClient {
         &self.0.namespace
     }
 
-    /// Longest time that a request may take.
-    pub fn timeout(&self) -> Duration {
-        self.0.timeout
-    }
-
     /// Limits of answers.
     pub fn limits(&self) -> &WireLimits {
         &self.0.limits
