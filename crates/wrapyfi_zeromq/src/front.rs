@@ -18,7 +18,7 @@
 //! all are counted.
 //! Nothing here blocks, and a message that waits for several listeners exists once.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -37,6 +37,7 @@ use super::ledger::Refusal;
 use super::message::{Loss, Message, Outgoing};
 use super::options;
 use super::peer::{Peer, TURN};
+use super::subscribers::Subscribers;
 use super::traffic::REFUSED;
 use super::wanted::Wanted;
 use super::zmtp::Kind;
@@ -92,9 +93,7 @@ pub(super) struct Front {
     faults: Throttles,
     /// Peers that were refused.
     pub(super) refusals: Vec<Refusal>,
-    /// Listeners by what they are subscribed to, and how many subscriptions have which length.
-    index: HashMap<Bytes, BTreeSet<usize>>,
-    lengths: BTreeMap<usize, usize>,
+    subscribers: Subscribers,
     /// Messages that may wait for one listener; none: any number.
     hwm: Option<usize>,
     /// Listeners to whom something is to be written.
@@ -142,8 +141,7 @@ impl Front {
             events: Events::with_capacity(EVENTS),
             peers: BTreeMap::new(),
             next_id: first_id(),
-            index: HashMap::new(),
-            lengths: BTreeMap::new(),
+            subscribers: Subscribers::default(),
             hwm: Some(usize::from(bounds.hwm)).filter(|hwm| *hwm > 0),
             dirty: BTreeSet::new(),
             unread: BTreeSet::new(),
@@ -232,7 +230,7 @@ impl Front {
     /// counts it, where it is that of a publisher.
     pub(super) fn publish(&mut self, frames: Vec<Bytes>, of: Option<usize>) {
         let Some(topic) = frames.first().cloned() else { return };
-        let to = self.subscribers(&topic);
+        let to = self.subscribers.of(&topic);
         if to.is_empty() {
             return;
         }
@@ -506,14 +504,9 @@ impl Front {
                     continue;
                 }
                 Heard::Subscribed(ref topic) => {
-                    let ids = self.index.entry(topic.clone()).or_default();
-                    if ids.insert(id) && ids.len() == 1 {
-                        *self.lengths.entry(topic.len()).or_default() += 1;
-                    }
+                    self.subscribers.add(topic.clone(), id);
                 }
-                Heard::Unsubscribed(ref topic) => {
-                    unlist(&mut self.index, &mut self.lengths, topic, id);
-                }
+                Heard::Unsubscribed(ref topic) => self.subscribers.remove(topic, id),
                 Heard::NoRoom(ref topic) => self.crowd(address, topic),
                 Heard::Ignored => {}
             }
@@ -545,16 +538,6 @@ impl Front {
         }
     }
 
-    /// Everybody who is subscribed to a beginning of `topic`.
-    fn subscribers(&self, topic: &[u8]) -> Vec<usize> {
-        let lengths = self.lengths.range(..=topic.len()).map(|(length, _)| *length);
-        let subscribed = lengths.filter_map(|length| self.index.get(topic.get(..length)?));
-        let mut ids: Vec<usize> = subscribed.flatten().copied().collect();
-        ids.sort_unstable();
-        ids.dedup();
-        ids
-    }
-
     /// Ends a connection. Messages that waited for it are lost.
     fn leave(&mut self, id: usize, why: &dyn std::fmt::Display) {
         let Some(peer) = self.peers.remove(&id) else { return };
@@ -563,7 +546,7 @@ impl Front {
         }
         tracing::debug!(peer = %peer.address, %why, "a connection to the ZeroMQ broker ended");
         for topic in &peer.topics {
-            unlist(&mut self.index, &mut self.lengths, topic, id);
+            self.subscribers.remove(topic, id);
             self.heard.push(Heard::Unsubscribed(topic.clone()));
         }
         // Closing it takes it off the poll as well.
@@ -591,25 +574,4 @@ fn first_id() -> usize {
     let random = RandomState::new().hash_one(std::process::id());
     // Far below the token of the port.
     usize::try_from(random >> 8).unwrap_or(0) / 2
-}
-
-/// Takes a listener off the index.
-fn unlist(
-    index: &mut HashMap<Bytes, BTreeSet<usize>>,
-    lengths: &mut BTreeMap<usize, usize>,
-    topic: &[u8],
-    id: usize,
-) {
-    let Some(ids) = index.get_mut(topic) else { return };
-    let was = ids.remove(&id);
-    if !ids.is_empty() {
-        return;
-    }
-    index.remove(topic);
-    if was && let Some(count) = lengths.get_mut(&topic.len()) {
-        *count -= 1;
-        if *count == 0 {
-            lengths.remove(&topic.len());
-        }
-    }
 }

@@ -17,7 +17,7 @@
 //! | `broker`, `turns` | the brokers of topics, and of requests and replies; the life of their threads |
 //! | `proxy`, `monitor`, `traffic` | the thread of the one, its counts |
 //! | `broker_ports` | the two ports of a broker, bound |
-//! | `front`, `wanted`, `assembly`, `ledger` | one of its sides, what its publishers are told, messages from their frames, whose messages it lost and whose peers it refused |
+//! | `front`, `subscribers`, `wanted`, `assembly`, `ledger` | one of its sides, its listeners by topic, what its publishers are told, messages from their frames, whose messages it lost and whose peers it refused |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_proxy` | the thread of the other |
@@ -75,6 +75,7 @@ mod service_proxy;
 mod shared;
 mod source;
 mod status;
+mod subscribers;
 mod supervisor;
 mod traffic;
 mod turns;
