@@ -154,28 +154,25 @@ impl Opening<'_> {
                 }));
             }
         }
+        let end = |role| self.end(value, source, role, is_one_of_several);
         if mode.listens() {
-            let end = self.end(value, source, Role::Listener, is_one_of_several)?;
-            channel.listener = Some(self.listener(value, &end)?);
+            channel.listener = Some(self.listener(value, &end(Role::Listener)?)?);
         }
         if mode.sends() {
-            let end = self.end(value, source, Role::Publisher, is_one_of_several)?;
-            channel.publisher = Some(self.publisher(value, &end)?);
+            channel.publisher = Some(self.publisher(value, &end(Role::Publisher)?)?);
         }
         if mode == Mode::Request {
-            let role = value.action.map_or(Role::Client, |_| Role::ActionClient);
-            let end = self.end(value, source, role, is_one_of_several)?;
             channel.client = Some(match value.action {
-                None => self.client(value.data_type, &end)?,
-                Some(_) => self.action_client(&end)?,
+                None => self.client(value.data_type, &end(Role::Client)?)?,
+                Some(_) => self.action_client(&end(Role::ActionClient)?)?,
             });
         }
         if mode == Mode::Reply {
-            let role = value.action.map_or(Role::Server, |_| Role::ActionServer);
-            let end = self.end(value, source, role, is_one_of_several)?;
             channel.server = Some(Arc::new(match value.action {
-                None => self.server(value.data_type, &end)?,
-                Some(has_feedback) => self.action_server(&end, has_feedback)?,
+                None => self.server(value.data_type, &end(Role::Server)?)?,
+                Some(has_feedback) => {
+                    self.action_server(&end(Role::ActionServer)?, has_feedback)?
+                }
             }));
         }
         Ok(channel)
