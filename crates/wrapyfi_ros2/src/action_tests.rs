@@ -179,7 +179,7 @@ fn told(client: &mut PartsClient) -> Vec<String> {
         Payload::RosMessage(message) => {
             let fields = message.fields(1000).unwrap();
             let (_, value) = fields.fields().next().unwrap();
-            value.as_integer().unwrap()
+            value.as_f64().unwrap()
         }
         other => panic!("{other:?}"),
     };

@@ -191,6 +191,15 @@ impl DynamicValue {
         }
     }
 
+    /// A number of any type; integers beyond 53 bits lose their last digits.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Self::F32(value) => Some(f64::from(*value)),
+            Self::F64(value) => Some(*value),
+            other => other.as_integer().map(|value| value as f64),
+        }
+    }
+
     /// An integer of any type.
     pub fn as_integer(&self) -> Option<i128> {
         Some(match self {
