@@ -84,6 +84,27 @@ fn a_bridge_names_the_port_that_is_taken() -> Result {
     })
 }
 
+// Completions -----------------------------------------------------------------------------------
+
+#[test]
+fn bash_completes_commands_and_options() -> Result {
+    run("bash_completes_commands_and_options", PROGRAM, |env| {
+        let answers =
+            [("'wrapyfi' 'yarps'", "yarpserver"), ("'wrapyfi' 'demo' '--sec'", "--seconds")];
+        for (words, answer) in answers {
+            let line = format!(
+                "eval \"$(wrapyfi completions bash)\" && COMP_WORDS=({words}) && \
+                 COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)) && \
+                 _wrapyfi wrapyfi \"${{COMP_WORDS[-1]}}\" \"${{COMP_WORDS[-2]}}\" && echo \"${{COMPREPLY[@]}}\""
+            );
+            let mut shell = env.shell(&line)?;
+            shell.exits_with(0)?;
+            assert_eq!(shell.stdout().trim(), answer, "{words}");
+        }
+        Ok(())
+    })
+}
+
 // Ends ------------------------------------------------------------------------------------------
 
 #[test]

@@ -78,6 +78,17 @@ pub enum Command {
     Yarpserver(YarpServerArgs),
     /// Look for a YARP name server by multicast, and write its address down for YARP's programs and ours.
     Detect(DetectArgs),
+    /// Print the completions of a shell, for `eval` or for the file that it reads.
+    Completions {
+        /// Shell that reads them.
+        shell: clap_complete::Shell,
+    },
+    /// Write manual pages, one for each command, as packages install them.
+    #[command(hide = true)]
+    Man {
+        /// Folder of the pages.
+        folder: PathBuf,
+    },
 }
 
 /// Arguments of `wrapyfi demo`.

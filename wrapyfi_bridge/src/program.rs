@@ -74,6 +74,8 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<()> {
         Command::Broker(args) => shutdown.outcome(command::broker::run(args, &shutdown)),
         Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),
+        Command::Completions { shell } => command::completions::print(*shell),
+        Command::Man { folder } => command::completions::write_pages(folder),
         Command::Why(args) => command::why::run(args),
         Command::Top(args) => command::top::run(args, &shutdown),
     }

@@ -12,6 +12,7 @@ mod announced;
 pub mod bridge;
 pub mod broker;
 pub mod check;
+pub mod completions;
 pub(crate) mod definitions;
 pub mod demo;
 pub mod detect;
