@@ -10,6 +10,7 @@
 # make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
 # make lint    lints only
+# make package-deb, make package-wheel   what others install without a compiler, in target/package
 # make sbom    bill of materials, target/wrapyfi.spdx.json
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
 # make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
@@ -20,8 +21,8 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo build check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-asan test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
+.PHONY: demo build package-deb package-wheel check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: test-asan test-frameworks test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -50,7 +51,7 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: test-oldest test-semver test-features test-seeds test-churn test-release test-asan fuzz
+nightly: test-oldest test-semver test-features test-seeds test-churn test-release test-asan test-packages fuzz
 
 # CycloneDDS, and the Rust around it, under AddressSanitizer; see the script for where its artefacts lie.
 test-asan: | target/COLCON_IGNORE
@@ -173,6 +174,15 @@ test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_PYTHON=$(CURDIR)/.venv-frameworks/bin/python \
 		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
 		cargo nextest run --locked --package wrapyfi_e2e frameworks::
+
+package-deb package-wheel: package-%: setup-build | target/COLCON_IGNORE
+	@packaging/$*/build.sh
+
+# In a new Debian 12 each, as root; a skip that says why where none can be made.
+test-packages: package-deb package-wheel
+	@packaging/test.sh deb target/package/wrapyfi_*.deb
+	@packaging/test.sh container target/package/wrapyfi_*.deb
+	@packaging/test.sh wheel target/package/wrapyfi_ros2-*.whl
 
 # Of the ROS 2 that is sourced, else of the newest in /opt/ros; a counted skip where there is none.
 test-rmw: setup-test | target/COLCON_IGNORE

@@ -60,10 +60,21 @@ fn scripts(env: &TestEnv) -> Result<[Process; 2]> {
 }
 
 #[test]
+fn install() -> Result {
+    let guide = Guide::read("docs/install.md")?;
+    guide.pass_over("make package-deb", BUILT)?;
+    guide.pass_over("make package-wheel", BUILT)?;
+    guide.pass_over("apt install", "`make test-packages` does it in a system of its own")?;
+    guide.pass_over("systemctl", "it is for root, and for all of the machine")?;
+    guide.pass_over("docker", "`make test-packages` does the steps of the image")?;
+    guide.is_done()
+}
+
+#[test]
 fn readme() -> Result {
     run("readme", SCRIPTS, |env| {
         let guide = Guide::read("README.md")?;
-        for mark in ["\nmake demo\n", "make build &&"] {
+        for mark in ["\nmake demo\n", "make build &&", "make package-deb"] {
             guide.pass_over(mark.trim_start_matches('\n'), BUILT)?;
         }
         guide.pass_over("ROS_MASTER_URI", "`ros1` runs it")?;

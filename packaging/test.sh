@@ -1,0 +1,125 @@
+#!/usr/bin/env bash
+# Installs what others shall install into a new Debian 12 without compilers, runs the demo there, removes it, and
+# looks for what it left. Needs root, debootstrap and a network; says SKIPPED and why where one is missing.
+#
+#   packaging/test.sh deb FILE         a Debian package
+#   packaging/test.sh wheel FILE       a wheel, by pip into a virtual environment
+#   packaging/test.sh container FILE   a Debian package by the last stage of the Dockerfile, step by step
+set -euo pipefail
+here=$(cd "$(dirname "$0")/.." && pwd)
+kind=${1:-} file=$(realpath "${2:?usage: packaging/test.sh deb|wheel|container FILE}")
+
+fail() {
+    printf 'package %s: %s\n' "$kind" "$1" >&2
+    exit 1
+}
+skip() {
+    printf 'SKIPPED package %s: %s\n' "$kind" "$1" >&2
+    exit 0
+}
+
+[ "$(id -u)" = 0 ] || skip "a new system is made by root only"
+command -v debootstrap >/dev/null || skip "there is no debootstrap. Run: apt-get install debootstrap"
+unshare --mount --pid --fork true 2>/dev/null || skip "no namespaces of mounts and processes here"
+
+root=$(mktemp -d "${TMPDIR:-/var/tmp}/wrapyfi-root.XXXXXX")
+chmod 755 "$root"
+# What is mounted below it is so in namespaces that have ended.
+trap 'rm -rf --one-file-system "$root"' EXIT
+debootstrap --variant=minbase bookworm "$root" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
+rm "$root.log"
+# As every installed system has it, and every container.
+echo "127.0.0.1 localhost" >"$root/etc/hosts"
+
+# Runs a command in the new system; whatever it started ends with it.
+inside() {
+    # shellcheck disable=SC2016
+    unshare --mount --pid --fork --kill-child sh -c '
+        mount -t proc proc "$0/proc" && exec chroot "$0" /usr/bin/env -i HOME=/root LC_ALL=C.UTF-8 \
+            PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive "$@"' "$root" "$@"
+}
+apt() {
+    inside apt-get -qq -o Dpkg::Use-Pty=0 -y "$@" >"$root/tmp/apt.log" 2>&1 || { cat "$root/tmp/apt.log" >&2; fail "apt-get $*"; }
+}
+# Files of the new system, less what packages of any kind change.
+files() {
+    (cd "$root" && find . -xdev \( -path ./proc -o -path ./tmp -o -path ./var/cache -o -path ./var/lib/apt -o -path ./var/lib/dpkg \
+        -o -path ./var/log \) -prune -o -print | sort)
+}
+# As a reader does it: the program is small, answers, and everything in the demo arrives.
+use() {
+    ! inside sh -c 'command -v cc || command -v cargo' || fail "there are compilers, which a reader may lack"
+    local size
+    size=$(stat -Lc %s "$root/$(inside sh -c "command -v ${*: -1}")")
+    [ "$size" -le $((20 * 1024 * 1024)) ] || fail "the program is of $size bytes"
+    local version
+    version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$here/Cargo.toml")
+    [ "$(inside "$@" --version)" = "wrapyfi $version" ] || fail "$* --version does not say wrapyfi $version"
+    WRAPYFI_LO_NAMESPACE='' "$here/scripts/lo-namespace.sh" bash -c "$(declare -f inside); root=$root; inside $* demo --seconds 5" \
+        >"$root/tmp/demo.log" 2>&1 || { tail -n 30 "$root/tmp/demo.log" >&2; fail "$* demo --seconds 5"; }
+}
+
+deb() {
+    apt update
+    files >"$root/tmp/before"
+    cp "$file" "$root/tmp/wrapyfi.deb"
+    apt install --no-install-recommends /tmp/wrapyfi.deb
+    use wrapyfi
+    local name
+    for name in ros1_bridge yarp_bridge zeromq_bridge /usr/lib/wrapyfi_bridge/bridge; do
+        inside "$name" --help | grep -q -- '--ros-args' || fail "$name --help is not that of a node"
+    done
+    inside wrapyfi check /usr/share/wrapyfi/config/example.yaml >/dev/null || fail "the installed example has faults"
+    inside gzip --test /usr/share/man/man1/wrapyfi-demo.1.gz || fail "a manual page is broken"
+    inside bash -c '. /usr/share/bash-completion/completions/wrapyfi && complete -p wrapyfi' >/dev/null || fail "bash completes nothing"
+    if command -v systemd-analyze >/dev/null; then
+        # With a program that this system has.
+        sed -i s:/usr/bin/wrapyfi:/bin/true: "$root"/usr/lib/systemd/system/wrapyfi-*.service
+        systemd-analyze verify --man=no "$root"/usr/lib/systemd/system/wrapyfi-*.service || fail "a unit has faults"
+    fi
+
+    # Over an older one, and away again: what its owner wrote stays, everything else goes.
+    mkdir "$root/etc/wrapyfi"
+    echo 'routes: []' >"$root/etc/wrapyfi/robot.yaml"
+    apt install --reinstall /tmp/wrapyfi.deb
+    mkdir -p "$root/etc/systemd/system/multi-user.target.wants"
+    ln -s /usr/lib/systemd/system/wrapyfi-bridge@.service "$root/etc/systemd/system/multi-user.target.wants/wrapyfi-bridge@robot.service"
+    apt purge --autoremove wrapyfi
+    [ "$(cat "$root/etc/wrapyfi/robot.yaml")" = "routes: []" ] || fail "a configuration of its owner is gone"
+    rm -r "$root/etc/wrapyfi"
+    files | diff "$root/tmp/before" - >"$root/tmp/left" || { cat "$root/tmp/left" >&2; fail "removal left something, above"; }
+}
+
+wheel() {
+    apt update
+    apt install --no-install-recommends python3-venv
+    files >"$root/tmp/before"
+    cp "$file" "$root/tmp/"
+    inside python3 -m venv /opt/wrapyfi
+    inside /opt/wrapyfi/bin/pip install --quiet --no-index "/tmp/$(basename "$file")" || fail "pip install"
+    use /opt/wrapyfi/bin/wrapyfi
+    inside /opt/wrapyfi/bin/pip uninstall --quiet --yes wrapyfi-ros2
+    ! find "$root/opt/wrapyfi" -iname '*wrapyfi[-_.]*' -o -name wrapyfi -type f | grep . || fail "removal left something, above"
+    rm -r "$root/opt/wrapyfi"
+    files | diff "$root/tmp/before" - >"$root/tmp/left" || { cat "$root/tmp/left" >&2; fail "removal left something, above"; }
+}
+
+container() {
+    local line user=root
+    while IFS= read -r line; do
+        case $line in
+        "COPY --from=build /source/target/package/wrapyfi_*.deb /tmp/") cp "$file" "$root/tmp/" ;;
+        "RUN "*) inside sh -ec "${line#RUN }" >"$root/tmp/step.log" 2>&1 || { tail -n 20 "$root/tmp/step.log" >&2; fail "$line"; } ;;
+        "USER "*) user=${line#USER } ;;
+        'ENTRYPOINT ["wrapyfi"]' | "FROM "* | "CMD "* | "") ;;
+        *) fail "the Dockerfile has a step that this test does not take: $line" ;;
+        esac
+    done < <(sed -n '/^FROM debian/,$p' "$here/packaging/container/Dockerfile")
+    use setpriv --reuid "$user" --regid nogroup --clear-groups wrapyfi
+}
+
+case $kind in
+deb | wheel | container) "$kind" ;;
+*) fail "usage: packaging/test.sh deb|wheel|container FILE" ;;
+esac
+echo "package $kind: installed, used and removed: $(basename "$file"), $(du -m "$file" | cut -f1) MB"
