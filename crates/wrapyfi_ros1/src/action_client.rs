@@ -158,7 +158,7 @@ impl Ros1ActionClient {
             }
         }
         while let Some((status, part)) = next_part(result, topics, goals, kind.result()) {
-            goals.result(status, part);
+            goals.result(status, part, now);
         }
         self.goals.look(now);
     }

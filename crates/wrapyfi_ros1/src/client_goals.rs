@@ -4,6 +4,7 @@
 //!   begin ─▶ accepted          ACTIVE ─▶ executing      PREEMPTING, RECALLING ─▶ canceling
 //!   status array without a goal that was in one ─▶ aborted
 //!   an end in a status array ─▶ waits for the result ─▶ ended
+//!   the result of a goal that was given up ─▶ waits for status arrays: had another client cancelled it? ─▶ ended
 //! ```
 //!
 //! States are seen five times a second, so some are skipped: those that must stand before an end are given first.
@@ -17,7 +18,7 @@ use wrapyfi_endpoint::{GoalOutcome, GoalUpdate, Ticket};
 
 /// Time within which a server that gives a goal up says that it is about to.
 const CANCELING_WITHIN: Duration = Duration::from_secs(5);
-/// Time within which the result follows a status that is an end.
+/// Time within which the result follows a status that is an end, or the status a result.
 const RESULT_WITHIN: Duration = Duration::from_secs(5);
 /// Time within which a server that publishes status arrays has the goal in one.
 const TAKEN_WITHIN: Duration = Duration::from_secs(5);
@@ -41,11 +42,20 @@ struct Goal {
     is_canceled: bool,
     /// Time at which the wish counts as refused.
     refused_at: Option<Instant>,
-    /// End that a status array told, its text, and the time until which the result is waited for.
-    end: Option<(GoalState, String, Instant)>,
-    /// Result of a goal that the server gave up unasked: the status arrays until its end tell whether another client had
-    /// cancelled it, and they come on another connection.
-    given_up: Option<(GoalState, String, Payload)>,
+    end: Option<End>,
+}
+
+/// End of which a half has come.
+#[derive(Debug)]
+struct End {
+    state: GoalState,
+    text: String,
+    /// `None` where a status array told the end, and the result is waited for. Where the server gave the goal up unasked,
+    /// status arrays are: those until its end tell whether another client had cancelled it, and they come on another
+    /// connection.
+    result: Option<Payload>,
+    /// Time until which the other half is waited for.
+    until: Instant,
 }
 
 /// The goals under way of one client.
@@ -54,12 +64,12 @@ pub(super) struct ClientGoals {
     goals: BTreeMap<GoalId, Goal>,
     ids: BTreeMap<Ticket, GoalId>,
     updates: VecDeque<(Ticket, GoalUpdate)>,
-    /// A goal that was preempted for a newer one counts as cancelled, not as aborted.
+    /// A goal that was given up for a newer one counts as cancelled, not as aborted.
     preempted_is_canceled: bool,
 }
 
 impl ClientGoals {
-    /// No goals yet; one that is preempted for a newer one counts as cancelled or as aborted.
+    /// No goals yet; one that is given up for a newer one counts as cancelled or as aborted.
     pub(super) fn new(preempted_is_canceled: bool) -> Self {
         Self { preempted_is_canceled, ..Self::default() }
     }
@@ -83,7 +93,6 @@ impl ClientGoals {
             is_canceled: false,
             refused_at: None,
             end: None,
-            given_up: None,
         };
         self.ids.insert(ticket, id.clone());
         self.goals.insert(id, goal);
@@ -117,13 +126,14 @@ impl ClientGoals {
     /// them: it is asked again, lest it has forgotten.
     pub(super) fn statuses(&mut self, statuses: &Statuses<'_>, now: Instant) -> Vec<GoalId> {
         let Self { goals, updates, .. } = self;
-        let (mut again, mut lost) = (Vec::new(), Vec::new());
-        let mut given_up = Vec::new();
+        let (mut again, mut lost, mut given_up) = (Vec::new(), Vec::new(), Vec::new());
+        let is_given_up = |end: &mut End| end.result.is_some();
         for (id, goal) in goals {
             let Some((state, text)) = statuses.get(&id.0[..]) else {
                 let is_late = now.saturating_duration_since(goal.sent_at) >= TAKEN_WITHIN;
-                given_up.extend(goal.given_up.take().map(|end| (id.clone(), end)));
-                if goal.end.is_none() && (goal.is_known || is_late) {
+                if let Some(end) = goal.end.take_if(is_given_up) {
+                    given_up.push((id.clone(), end));
+                } else if goal.end.is_none() && (goal.is_known || is_late) {
                     lost.push(id.clone());
                 }
                 continue;
@@ -134,14 +144,19 @@ impl ClientGoals {
                 again.push(id.clone());
             }
             if state.is_end() {
-                goal.end.get_or_insert_with(|| (*state, shown(text), now + RESULT_WITHIN));
-                given_up.extend(goal.given_up.take().map(|end| (id.clone(), end)));
+                match goal.end.take_if(is_given_up) {
+                    Some(end) => given_up.push((id.clone(), end)),
+                    None => {
+                        let (state, text, until) = (*state, shown(text), now + RESULT_WITHIN);
+                        goal.end.get_or_insert(End { state, text, result: None, until });
+                    }
+                }
             } else {
                 goal.go_on(*state, updates);
             }
         }
-        for (id, (state, text, result)) in given_up {
-            self.end(&id, state, text, Some(result));
+        for (id, End { state, text, result, .. }) in given_up {
+            self.end(&id, state, text, result);
         }
         for id in lost {
             self.end(&id, GoalState::Lost, "the server has lost the goal".to_owned(), None);
@@ -157,7 +172,12 @@ impl ClientGoals {
     }
 
     /// Ends a goal by its result; `Err` has the fault of one that cannot be read.
-    pub(super) fn result(&mut self, status: GoalStatus, result: Result<Payload, String>) {
+    pub(super) fn result(
+        &mut self,
+        status: GoalStatus,
+        result: Result<Payload, String>,
+        now: Instant,
+    ) {
         let GoalStatus { goal, state, text } = status;
         let is_given_up = matches!(state, GoalState::Preempted | GoalState::Recalled)
             && !self.preempted_is_canceled;
@@ -168,7 +188,8 @@ impl ClientGoals {
                     && !one.is_canceled
                     && one.told != Told::Canceling =>
             {
-                one.given_up = Some((state, text, result));
+                let (result, until) = (Some(result), now + RESULT_WITHIN);
+                one.end = Some(End { state, text, result, until });
             }
             (_, Ok(result)) => self.end(&goal.id, state, text, Some(result)),
             (_, Err(fault)) => self.end(&goal.id, GoalState::Lost, fault, None),
@@ -178,9 +199,11 @@ impl ClientGoals {
     /// Ends all goals: their server has gone.
     pub(super) fn lose_all(&mut self, reason: &str) {
         for id in self.goals.keys().cloned().collect::<Vec<_>>() {
-            match self.goals.get_mut(&id).and_then(|goal| goal.given_up.take()) {
-                Some((state, text, result)) => self.end(&id, state, text, Some(result)),
-                None => self.end(&id, GoalState::Lost, reason.to_owned(), None),
+            match self.goals.get_mut(&id).and_then(|goal| goal.end.take()) {
+                Some(End { state, text, result: Some(result), .. }) => {
+                    self.end(&id, state, text, Some(result));
+                }
+                _ => self.end(&id, GoalState::Lost, reason.to_owned(), None),
             }
         }
     }
@@ -189,28 +212,22 @@ impl ClientGoals {
     pub(super) fn look(&mut self, now: Instant) {
         let mut late = Vec::new();
         for (id, goal) in &mut self.goals {
-            match &goal.end {
-                Some((state, text, until)) if now >= *until => {
-                    late.push((id.clone(), *state, text.clone()));
-                }
-                Some(_) => {}
-                None => {
-                    if goal.refused_at.take_if(|at| now >= *at).is_some() {
-                        let seconds = CANCELING_WITHIN.as_secs();
-                        let text = format!("the server has not begun to within {seconds} s");
-                        self.updates.push_back((goal.ticket, GoalUpdate::CancelRefused(text)));
-                    }
-                }
+            if let Some(end) = goal.end.take_if(|end| now >= end.until) {
+                late.push((id.clone(), end));
+            } else if goal.end.is_none() && goal.refused_at.take_if(|at| now >= *at).is_some() {
+                let seconds = CANCELING_WITHIN.as_secs();
+                let text = format!("the server has not begun to within {seconds} s");
+                self.updates.push_back((goal.ticket, GoalUpdate::CancelRefused(text)));
             }
         }
-        for (id, state, text) in late {
-            tracing::debug!("ROS 1: the result of goal {id} has not come");
-            self.end(&id, state, text, None);
+        for (id, End { state, text, result, .. }) in late {
+            tracing::debug!("ROS 1: the other half of the end of goal {id} has not come");
+            self.end(&id, state, text, result);
         }
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let due = |goal: &Goal| goal.end.as_ref().map(|(_, _, at)| *at).or(goal.refused_at);
+        let due = |goal: &Goal| goal.end.as_ref().map(|end| end.until).or(goal.refused_at);
         self.goals.values().filter_map(due).min()
     }
 
@@ -225,8 +242,7 @@ impl ClientGoals {
             goal.is_canceled || goal.told == Told::Canceling || self.preempted_is_canceled;
         let outcome = match state {
             GoalState::Succeeded => GoalOutcome::Succeeded,
-            GoalState::Recalled => GoalOutcome::Canceled,
-            GoalState::Preempted if is_wanted => GoalOutcome::Canceled,
+            GoalState::Preempted | GoalState::Recalled if is_wanted => GoalOutcome::Canceled,
             _ => GoalOutcome::Aborted,
         };
         let before = match outcome {
@@ -235,7 +251,7 @@ impl ClientGoals {
         };
         goal.tell(before, &mut self.updates);
         let text = match state {
-            GoalState::Preempted if !is_wanted && text.is_empty() => {
+            GoalState::Preempted | GoalState::Recalled if !is_wanted && text.is_empty() => {
                 "the server gave it up, and nobody had cancelled it".to_owned()
             }
             GoalState::Rejected if text.is_empty() => "the server rejected it".to_owned(),

@@ -28,7 +28,8 @@ impl Scene {
 
     fn result(&mut self, state: GoalState, text: &str) -> Vec<GoalUpdate> {
         let goal = StampedId { id: id("a"), ..StampedId::default() };
-        self.goals.result(GoalStatus { goal, state, text: text.to_owned() }, Ok(payload()));
+        let status = GoalStatus { goal, state, text: text.to_owned() };
+        self.goals.result(status, Ok(payload()), self.now);
         self.updates()
     }
 
@@ -138,6 +139,39 @@ fn preempted_after_a_cancel_is_canceled_and_without_one_aborted() {
     }
 }
 
+/// A SimpleActionServer in C++ recalls a goal that waits when a newer one comes: nobody has cancelled it. One with a stamp
+/// that is not after that of a client's cancel is recalled, too, and nothing tells the two apart.
+#[test]
+fn recalled_with_no_cancel_asked_is_aborted() {
+    let mut scene = Scene::new();
+    assert_eq!(scene.status(GoalState::Pending), []);
+    assert_eq!(scene.result(GoalState::Recalled, ""), [], "another client may have cancelled it");
+    let nobody = ended(GoalOutcome::Aborted, "the server gave it up, and nobody had cancelled it");
+    assert_eq!(scene.status(GoalState::Recalled), [GoalUpdate::Executing, nobody]);
+    let mut scene = Scene::new();
+    assert_eq!(scene.result(GoalState::Recalled, "newer"), []);
+    assert_eq!(scene.status(GoalState::Recalling), [GoalUpdate::Canceling]);
+    let canceled = ended(GoalOutcome::Canceled, "newer");
+    assert_eq!(scene.status(GoalState::Recalled), [canceled], "another client had");
+    let mut scene = Scene::new();
+    scene.goals.preempted_is_canceled = true;
+    let canceled = ended(GoalOutcome::Canceled, "");
+    assert_eq!(scene.result(GoalState::Recalled, ""), [GoalUpdate::Canceling, canceled]);
+}
+
+/// A server whose status arrays stop must not keep the end from its client.
+#[test]
+fn a_result_that_overtakes_its_status_waits_for_it_but_not_for_ever() {
+    let mut scene = Scene::new();
+    scene.status(GoalState::Active);
+    assert_eq!(scene.result(GoalState::Preempted, "newer"), []);
+    assert_eq!(scene.goals.deadline(), Some(scene.now + 5 * SECOND));
+    assert_eq!(scene.goals.cancel(Ticket::new(1), scene.now), None, "it has ended");
+    assert_eq!(scene.wait(4 * SECOND), []);
+    assert_eq!(scene.wait(SECOND), [ended(GoalOutcome::Aborted, "newer")]);
+    assert_eq!((scene.goals.len(), scene.goals.deadline()), (0, None));
+}
+
 /// A status array without goals.
 fn forget(goals: &mut ClientGoals) {
     goals.statuses(&Statuses::new(), Instant::now());
@@ -208,6 +242,6 @@ fn a_result_that_cannot_be_read_ends_the_goal() {
     let mut scene = Scene::new();
     let goal = StampedId { id: id("a"), ..StampedId::default() };
     let status = GoalStatus { goal, state: GoalState::Succeeded, text: String::new() };
-    scene.goals.result(status, Err("too short".to_owned()));
+    scene.goals.result(status, Err("too short".to_owned()), scene.now);
     assert_eq!(scene.updates(), [GoalUpdate::Executing, GoalUpdate::aborted("too short")]);
 }
