@@ -18,7 +18,7 @@ pub(crate) fn kilted(env: &TestEnv) -> Result<RealRos2<'_>> {
 }
 
 /// A bridge that offers `there` as `here`.
-fn bridge(env: &TestEnv, there: &str, here: &str) -> Result<Process> {
+pub(crate) fn bridge(env: &TestEnv, there: &str, here: &str) -> Result<Process> {
     env.definitions(&[FIBONACCI])?;
     env.bridge(
         &env.embedded().with("definitions", "[interfaces]").route(Route::action(there, here)),
@@ -312,6 +312,27 @@ fn an_action_waits_for_its_server_and_names_it() -> Result {
         })?;
         assert_eq!(status["kind"], "action");
         assert_eq!(status["type"], "test_msgs/action/Fibonacci");
+        Ok(())
+    })
+}
+
+/// Nobody has the package: the bridge describes what it has learned of ROS 1.
+#[test]
+fn an_action_that_is_installed_nowhere_is_described_by_the_bridge() -> Result {
+    const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Actionlib];
+    run("an_action_that_is_installed_nowhere_is_described_by_the_bridge", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let action = env.topic("fib");
+        let route = Route::action(&ros1(&action), &ros2(&action));
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let server = env.rospy_actions(&format!("serve --action {action}"))?;
+        server.event("ready")?;
+        let at = ros2(&action);
+        let send = ["action", "send", &at, "--value", r#"{"order": 2}"#, "--timeout", "60"];
+        let mut sent = env.wrapyfi(send.into_iter().chain(["--json"]))?;
+        sent.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        let end = sent.wait_until("the end", |output| output.objects().next_back())?;
+        assert_eq!(end["value"]["sequence"], json!([0, 1, 1, 2]));
         Ok(())
     })
 }

@@ -6,7 +6,7 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
@@ -52,6 +52,18 @@ const EMPTY: &str = "std_msgs/msg/Empty";
 static ACTIONS: Interned<Known> = Mutex::new(BTreeMap::new());
 
 impl RosAction {
+    /// The action of this name, where the process knows it already. The hash is that of its service `_SendGoal`, or of a
+    /// request of that: DDS shows the latter.
+    pub fn known(name: &str, hash: &str) -> Option<Self> {
+        let actions = ACTIONS.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_meant = |known: &&&'static Known| {
+            let (service, request) = (known.send_goal.resolved(), known.send_goal.request());
+            let hashes = [&*service.type_hash(), request.type_hash()];
+            known.name == name && hashes.contains(&hash)
+        };
+        actions.values().find(is_meant).map(|known| Self(known))
+    }
+
     /// Enters the action of a definition; the same definition gives the same action.
     ///
     /// # Errors
@@ -151,3 +163,24 @@ fn nothing() -> Result<RosType, RosTypeError> {
 }
 
 interned!(RosAction);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_action_is_known_by_the_hash_that_its_server_shows() {
+        let name = TypeName::parse(Dialect::Ros2, "demo/action/Known").unwrap();
+        let of = |text| {
+            RosAction::new(&ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()).unwrap()
+        };
+        let (one, other) = (of("int8 a\n---\n---\n"), of("int8 b\n---\n---\n"));
+        for action in [one, other] {
+            let service = action.send_goal();
+            for hash in [&*service.resolved().type_hash(), service.request().type_hash()] {
+                assert_eq!(RosAction::known("demo/action/Known", hash), Some(action));
+            }
+        }
+        assert_eq!(RosAction::known("demo/action/Known", one.goal().type_hash()), None);
+    }
+}

@@ -24,7 +24,7 @@ use super::{MAX_BYTES, topic_of_clock};
 use crate::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError, ringing};
 use crate::node_handle::{NodeState, in_node_thread};
 use crate::service::replies::{Replies, Reply};
-use wrapyfi_data::types::{RosService, RosType};
+use wrapyfi_data::types::{RosAction, RosService, RosType};
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_node::logger_services::{LoggerService, Loggers};
 use wrapyfi_node::parameters::{ParameterService, ParameterWatch};
@@ -279,7 +279,8 @@ fn described(
     }
     let message = || RosType::known(name, hash).map(RosType::resolved);
     let service = || RosService::known(name, hash).map(RosService::resolved);
-    let Some(resolved) = message().or_else(service) else { return answer };
+    let action = || RosAction::known(name, hash).map(RosAction::resolved);
+    let Some(resolved) = message().or_else(service).or_else(action) else { return answer };
     let type_hash = types.add(resolved, Vec::new());
     types.answer(&GetTypeDescription_Request { type_hash, ..request.clone() })
 }
