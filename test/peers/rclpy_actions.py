@@ -1,19 +1,21 @@
 """Servers and clients of Fibonacci actions on rclpy, with the Python of a real ROS 2.
 
-    rclpy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel]
-    rclpy_actions.py send  --action /fib --order N [--goals M] [--cancel-after K] [--count N]
+    rclpy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel] [--simulated]
+    rclpy_actions.py send  --action /fib --order N [--goals M] [--cancel-after K] [--cancel-accepted] [--count N]
+    rclpy_actions.py watch --action /fib
 
 A goal of order N has a feedback every S seconds and ends with the sequence of N + 2 numbers. `send` sends M goals at once,
-N times one after the other, and cancels each after K messages of its feedback. Lines on stdout: {"event": "ready"};
+N times one after the other, and cancels each after K messages of its feedback, or once it is accepted. `watch` comes late: it asks
+for the kept status and says {"event": "status", "states": [STATE, …]}. Lines on stdout: {"event": "ready"};
 of a server `goal`, `cancel` and `end`; of a client `accepted` with the time from sending the goal, `feedback`, `canceling` and `end`,
-each with the index of the goal.
+each with the index of the goal. A simulated node has the time of /clock.
 """
 import argparse
 import threading
 import time
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["serve", "send"])
+parser.add_argument("role", choices=["serve", "send", "watch"])
 parser.add_argument("--action", default="/fib")
 parser.add_argument("--order", type=int, default=5)
 parser.add_argument("--step", type=float, default=0.05)
@@ -21,6 +23,8 @@ parser.add_argument("--behave", default="reach", choices=["reach", "reject", "ab
 parser.add_argument("--goals", type=int, default=1)
 parser.add_argument("--count", type=int, default=1)
 parser.add_argument("--cancel-after", type=int, default=0, help="0: never")
+parser.add_argument("--cancel-accepted", action="store_true")
+parser.add_argument("--simulated", action="store_true")
 args = parser.parse_args()
 
 import rclpy  # noqa: E402
@@ -28,7 +32,9 @@ import rclpy.action  # noqa: E402
 import rclpy.callback_groups  # noqa: E402
 import rclpy.executors  # noqa: E402
 import rclpy.node  # noqa: E402
-from action_msgs.msg import GoalStatus  # noqa: E402
+import rclpy.parameter  # noqa: E402
+import rclpy.qos  # noqa: E402
+from action_msgs.msg import GoalStatus, GoalStatusArray  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 from test_msgs.action import Fibonacci  # noqa: E402
 
@@ -39,6 +45,8 @@ STATES = {GoalStatus.STATUS_SUCCEEDED: "succeeded", GoalStatus.STATUS_ABORTED: "
 watch_stdin()
 rclpy.init(args=[])
 node = rclpy.node.Node("rclpy_actions")
+if args.simulated:
+    node.set_parameters([rclpy.parameter.Parameter("use_sim_time", value=True)])
 executor = rclpy.executors.MultiThreadedExecutor(8)
 executor.add_node(node)
 group = rclpy.callback_groups.ReentrantCallbackGroup()
@@ -100,6 +108,8 @@ def send(client, index, done):
             done.release()
             return
         handles.append(handle)
+        if args.cancel_accepted:
+            handle.cancel_goal_async().add_done_callback(on_canceling)
         handle.get_result_async().add_done_callback(on_result)
 
     goal, begun = Fibonacci.Goal(order=args.order), time.monotonic()
@@ -127,6 +137,11 @@ def send_all():
 if args.role == "serve":
     server = rclpy.action.ActionServer(node, Fibonacci, args.action, execute_callback=execute, goal_callback=on_goal,
                                        cancel_callback=on_cancel, callback_group=group)
+    say("ready")
+elif args.role == "watch":
+    watcher = node.create_subscription(
+        GoalStatusArray, args.action + "/_action/status",
+        lambda array: say("status", states=[one.status for one in array.status_list]), rclpy.qos.qos_profile_action_status_default)
     say("ready")
 else:
     threading.Thread(target=send_all, daemon=True).start()

@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 """Servers and clients of Fibonacci actions on rospy's actionlib, with Debian's Python.
 
-    rospy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel]
+    rospy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel|pend]
     rospy_actions.py send  --action /fib --order N [--goals M] [--cancel-after K] [--count N]
 
 The type is test_msgs/Fibonacci, which no package of ROS 1 has: genpy makes its classes on the spot. Options and lines on stdout are
-those of rclpy_actions.py; states are those of actionlib, in small letters.
+those of rclpy_actions.py; states are those of actionlib, in small letters. A server that pends takes no goal up, and recalls the
+cancelled ones; one of several goals tells the stamp of each in nanoseconds.
 """
 import argparse
 import threading
@@ -16,7 +17,7 @@ parser.add_argument("role", choices=["serve", "send"])
 parser.add_argument("--action", default="/fib")
 parser.add_argument("--order", type=int, default=5)
 parser.add_argument("--step", type=float, default=0.05)
-parser.add_argument("--behave", default="reach", choices=["reach", "reject", "abort", "refuse_cancel"])
+parser.add_argument("--behave", default="reach", choices=["reach", "reject", "abort", "refuse_cancel", "pend"])
 parser.add_argument("--goals", type=int, default=1)
 parser.add_argument("--count", type=int, default=1)
 parser.add_argument("--cancel-after", type=int, default=0, help="0: never")
@@ -88,10 +89,9 @@ def serve_simply():
 
 
 def serve_many():
-    """Takes many goals at once, and rejects those that it is told to reject."""
+    """Has many goals at once, or takes none."""
     def run(handle):
         goal = handle.get_goal()
-        say("goal", order=goal.order)
         sequence = [0, 1]
         for _ in range(goal.order):
             sequence.append((sequence[-1] + sequence[-2]) % (1 << 31))
@@ -101,13 +101,21 @@ def serve_many():
         handle.set_succeeded(RESULT(sequence=sequence))
 
     def on_goal(handle):
+        say("goal", order=handle.get_goal().order, stamp=handle.get_goal_id().stamp.to_nsec())
         if args.behave == "reject":
             handle.set_rejected(RESULT(), "not today")
+            return
+        if args.behave == "pend":
             return
         handle.set_accepted()
         threading.Thread(target=run, args=(handle,), daemon=True).start()
 
-    server = actionlib.ActionServer(args.action, Fibonacci, on_goal, lambda handle: say("cancel"), auto_start=False)
+    def on_cancel(handle):
+        say("cancel")
+        if args.behave == "pend":
+            handle.set_canceled(RESULT(), "recalled")
+
+    server = actionlib.ActionServer(args.action, Fibonacci, on_goal, on_cancel, auto_start=False)
     server.start()
     return server
 
@@ -158,7 +166,7 @@ def send_all():
 
 
 if args.role == "serve":
-    server = serve_many() if args.behave == "reject" or args.goals > 1 else serve_simply()
+    server = serve_many() if args.behave in ("reject", "pend") or args.goals > 1 else serve_simply()
     say("ready")
 else:
     threading.Thread(target=send_all, daemon=True).start()

@@ -58,6 +58,7 @@ mod service_routes;
 mod services;
 mod top;
 mod why;
+mod why_actions;
 mod yarp_commands;
 mod yarp_links;
 mod yarp_robot;

@@ -138,7 +138,7 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
 }
 
 /// Answer to a question once it is the one that `is_it`.
-fn asked_until<const N: usize>(
+pub(crate) fn asked_until<const N: usize>(
     env: &TestEnv,
     args: [&str; N],
     is_it: impl Fn(&Value) -> bool,

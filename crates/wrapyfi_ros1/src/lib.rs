@@ -281,6 +281,15 @@ impl Ros1 {
         })
     }
 
+    /// True where the nodes at the master take the time from `/clock`: its `use_sim_time` is true. Blocks until the master
+    /// has answered, and is false where it does not.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn simulates_time(&self) -> bool {
+        let asked = self.node.handle.block_on(self.node.master.get_param("/use_sim_time"));
+        matches!(asked, Ok(Some(xmlrpc::Value::Boolean(true))))
+    }
+
     /// False where the API of a node says nothing for as long as `max_wait`: it hangs, or is stopped. Blocks until then.
     #[must_use]
     pub fn answers_within(&self, max_wait: Duration, node: &str) -> bool {

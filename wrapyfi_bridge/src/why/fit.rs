@@ -55,7 +55,7 @@ impl Walk<'_> {
             return Ok(());
         }
         let theirs = first.type_name.as_deref().unwrap_or_default();
-        let verb = if role == Role::Listener { "wants" } else { "has" };
+        let verb = if role.is_provider() { "has" } else { "wants" };
         let what = format!(
             "{} on {} {verb} type {theirs}, the route has {wanted}",
             owner(first),

@@ -95,6 +95,9 @@ impl Walk<'_> {
         self.mapping(source)?;
         defined(&source.undefined)?;
         self.quality(source, provider)?;
+        if way.interaction == Interaction::Action {
+            self.server_of_action(source)?;
+        }
         match &way.destination {
             None if source.names.is_some() => {
                 self.passed.extend(lacking(way, source, None)?);
@@ -134,6 +137,10 @@ impl Walk<'_> {
                 if way.interaction != Interaction::Topic {
                     self.side(destination)?;
                     self.callers(destination)?;
+                    if way.interaction == Interaction::Action {
+                        self.types(destination, taker)?;
+                        self.only_status(destination)?;
+                    }
                     self.passed.extend(state(way)?);
                 } else {
                     self.taken(destination)?;
@@ -272,6 +279,9 @@ impl Walk<'_> {
                 self.pass(format!("{names} names match {address}"));
                 return Ok(());
             }
+        }
+        if role == Role::ActionServer {
+            self.parts_of_action(end)?;
         }
         let there: Vec<&Discovered> = end.of(role).collect();
         let nobody = nobody(end, role);

@@ -28,7 +28,7 @@ use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
 
 use super::server_check::{ConnectOutcome, ServerCheck, connect};
-use super::{Graph, Registered, TIMEOUT, WayEnd, elsewhere};
+use super::{Graph, Registered, TIMEOUT, WayEnd, actions, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
 use crate::middlewares::{self, Endpoints, Observer, Server, conventions};
@@ -270,6 +270,11 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if wanted.is_learned || (wanted.is_called() && ros1.is_some()) {
         learn(&mut end, observer.as_ref(), wanted, types);
     }
+    if wanted.role == Role::ActionServer {
+        let until = (looked_since + MOST).min(Instant::now() + LISTEN);
+        let (observer, ros1) = (observer.as_ref(), ros1.as_deref());
+        end.action_time = actions::time_of_server(&end, observer, ros1, types, until);
+    }
     if let Some(ros1) = ros1 {
         end.differences = differences(&end, &ros1, wanted, types);
     }
@@ -379,7 +384,10 @@ fn called_as(end: &WayEnd) -> Option<Interaction> {
     let is_it = |other: &str| other == name;
     let is_near = |other: &str| name_difference(name, other).is_some();
     let is_called = |interaction: &Interaction| {
-        with(*interaction, &is_it) || (with(*interaction, &is_near) && !with(topic, &is_near))
+        let has_parts = *interaction == Interaction::Action && actions::has_parts(end);
+        has_parts
+            || with(*interaction, &is_it)
+            || (with(*interaction, &is_near) && !with(topic, &is_near))
     };
     let mut called = [Interaction::Action, Interaction::Service].into_iter().filter(is_called);
     called.next().filter(|_| !with(topic, &is_it))

@@ -6,7 +6,7 @@
 //!                                └ left out of a pattern ──────────┘
 //! ```
 
-use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
 use wrapyfi_engine::{LeftOut, Plan, Route, RouteIndex};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
@@ -109,20 +109,19 @@ pub(super) fn other_way(plan: &Plan, made: &Route, address: &EndpointAddress) ->
     patterns.find_map(|pattern| pattern.made_to(address))
 }
 
-/// Route of the other kind with the ends of one that a pattern makes.
-pub(super) fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
-    let is_written = plan.routes.iter().any(|one| one.name == made.name);
-    let is_other = |one: &&Route| one.interaction() != made.interaction() && !is_written;
-    plan.routes.iter().filter(is_other).find_map(|pattern| {
-        let other = pattern.made_from(&made.from)?;
-        (other.to == made.to).then_some(other)
-    })
+/// Routes of other interactions with the ends of one that a pattern makes, the first of each.
+pub(super) fn of_other_kinds(plan: &Plan, made: &Route) -> Vec<Route> {
+    let is_written = plan.routes.iter().any(|one| one.name == made.name && !one.is_many());
+    let of = |interaction: Interaction| {
+        let mut patterns = plan.routes.iter().filter(|one| one.interaction() == interaction);
+        patterns.find_map(|pattern| pattern.made_from(&made.from).filter(|it| it.to == made.to))
+    };
+    let is_other = |one: &Interaction| *one != made.interaction() && !is_written;
+    Interaction::ALL.into_iter().filter(is_other).filter_map(of).collect()
 }
 
 #[cfg(test)]
 pub(super) mod tests {
-    use wrapyfi_endpoint::Interaction;
-
     use super::*;
     use crate::middlewares::load_text;
     use crate::node::Node;
@@ -204,6 +203,33 @@ pub(super) mod tests {
         let other = |name: &str| other_way(&both, &made, &address(name).unwrap());
         assert_eq!(other("ros2:/x").unwrap().ends(), "ros:/x -> ros2:/x");
         assert!(other("ros:/x").is_none());
+    }
+
+    /// A name may be that of a topic, of a service and of an action at once.
+    #[test]
+    fn patterns_of_all_interactions_have_a_name() {
+        let all = plan(&[
+            "from: 'ros:/(.*)', to: 'ros2:/$1'",
+            "service: 'ros2:/(.*)', as: 'ros:/$1'",
+            "action: 'ros2:/(.*)', as: 'ros:/$1'",
+            "action: 'ros:/(.*)', as: 'ros2:/$1'",
+        ]);
+        for place in [0, 3] {
+            let made = all.routes[place].made_from(&address("ros:/x").unwrap()).unwrap();
+            let others = of_other_kinds(&all, &made);
+            let kinds: Vec<_> = others.iter().map(Route::interaction).collect();
+            assert!(others.iter().all(|it| (&it.from, &it.to) == (&made.from, &made.to)));
+            let other = if place == 0 { Interaction::Action } else { Interaction::Topic };
+            assert_eq!(kinds, [other]);
+        }
+        let both = plan(&[
+            "from: 'ros2:/(.*)', to: 'ros:/$1'",
+            "service: 'ros2:/(.*)', as: 'ros:/$1'",
+            "action: 'ros2:/(.*)', as: 'ros:/$1'",
+        ]);
+        let made = both.routes[0].made_from(&address("ros2:/x").unwrap()).unwrap();
+        let kinds: Vec<_> = of_other_kinds(&both, &made).iter().map(Route::interaction).collect();
+        assert_eq!(kinds, [Interaction::Service, Interaction::Action]);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //!                                                                       ▼
 //!                                             Diagnosis: what is in place, and the first Finding
 //!
+//!   actions  facts about the server of an action; action_steps: what it lacks
 //!   drops    what the reasons of drops mean
 //!   judge    facts -> diagnosis; reach: servers and addresses; state: a route that runs; words: ends and remedies;
 //!            bridges: who runs the route; stopped: a bridge whose process is
@@ -23,6 +24,8 @@
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
 //! 1.4 s.
 
+mod action_steps;
+mod actions;
 mod board;
 pub(crate) mod bridges;
 mod configured;
@@ -52,6 +55,7 @@ use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
+pub use self::actions::ActionTime;
 use self::server_check::ServerCheck;
 
 /// Longest time that looking at a side may take until it is judged by what is known.
@@ -197,6 +201,8 @@ pub struct WayEnd {
     pub names: Option<usize>,
     /// Interaction of those who have the name.
     pub interaction: Interaction,
+    /// Time of the server of an action.
+    pub action_time: ActionTime,
 }
 
 impl WayEnd {

@@ -23,7 +23,7 @@ use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, type_at, type_of_messages};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
-use super::meaning::{address, left_out, of_other_kind, other_way, route};
+use super::meaning::{address, left_out, of_other_kinds, other_way, route};
 use super::state::{came, lacks_listener, leads_to, receives_from};
 use super::{
     Finding, Limited, RouteFacts, Unheard, Way, WayEnd, board, bridges, elsewhere, running, stopped,
@@ -239,8 +239,8 @@ impl Configured<'_> {
         types: &mut TypeStore,
     ) -> Way {
         let Self { plan, node, sight, .. } = *self;
-        // Of a pattern for topics and one for services with the same ends, that which runs is meant.
-        let other = of_other_kind(plan, route);
+        // Of patterns for topics, services and actions with the same ends, that which runs is meant.
+        let others = of_other_kinds(plan, route);
         let ends = [&route.from, &route.to].map(|end| node.resolve(end));
         let differs = |told: &RouteInfo| {
             let is_renamed = || running::resolved(told).is_some_and(|resolved| resolved != ends);
@@ -248,8 +248,8 @@ impl Configured<'_> {
         };
         let (is_answered, is_left) = (AtomicBool::new(false), AtomicBool::new(false));
         let find = |all: Vec<RouteInfo>| {
-            let of_other = other.as_ref().and_then(|other| running::of(other, all.clone()));
-            let told = running::of(route, all).or(of_other)?;
+            let of_others = || others.iter().find_map(|other| running::of(other, all.clone()));
+            let told = running::of(route, all.clone()).or_else(of_others)?;
             // What a bridge has by other names, or as the other kind, is looked at instead.
             for flag in [&is_left, &is_answered] {
                 flag.fetch_or(differs(&told), Relaxed);
@@ -257,7 +257,7 @@ impl Configured<'_> {
             Some(told)
         };
         let as_told = |told: &RouteInfo| {
-            let other = other.as_ref().filter(|other| running::is_alike(other, told));
+            let other = others.iter().find(|other| running::is_alike(other, told));
             (other.unwrap_or(route), running::resolved(told).unwrap_or_else(|| ends.clone()))
         };
         let status = || find(self.status?());
@@ -310,8 +310,10 @@ impl Configured<'_> {
             facts.limit = Some((names.max_routes, matching.len()));
         }
         source.type_name = type_at(route, &route.from);
-        destination.type_name =
-            type_at(route, &route.to).or_else(|| type_of_messages(&source, &destination));
+        let served = || source.of(Role::ActionServer).find_map(|one| one.type_name.clone());
+        destination.type_name = type_at(route, &route.to)
+            .or_else(|| type_of_messages(&source, &destination))
+            .or_else(served);
         destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
