@@ -1,6 +1,6 @@
 """Servers and clients of Fibonacci actions on rclpy, with the Python of a real ROS 2.
 
-    rclpy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel] [--simulated]
+    rclpy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel]
     rclpy_actions.py send  --action /fib --order N [--goals M] [--cancel-after K] [--cancel-accepted] [--count N]
     rclpy_actions.py watch --action /fib
 
@@ -8,7 +8,7 @@ A goal of order N has a feedback every S seconds and ends with the sequence of N
 N times one after the other, and cancels each after K messages of its feedback, or once it is accepted. `watch` comes late: it asks
 for the kept status and says {"event": "status", "states": [STATE, …]}. Lines on stdout: {"event": "ready"};
 of a server `goal`, `cancel` and `end`; of a client `accepted` with the time from sending the goal, `feedback`, `canceling` and `end`,
-each with the index of the goal. A simulated node has the time of /clock.
+each with the index of the goal.
 """
 import argparse
 import threading
@@ -24,7 +24,6 @@ parser.add_argument("--goals", type=int, default=1)
 parser.add_argument("--count", type=int, default=1)
 parser.add_argument("--cancel-after", type=int, default=0, help="0: never")
 parser.add_argument("--cancel-accepted", action="store_true")
-parser.add_argument("--simulated", action="store_true")
 args = parser.parse_args()
 
 import rclpy  # noqa: E402
@@ -32,7 +31,6 @@ import rclpy.action  # noqa: E402
 import rclpy.callback_groups  # noqa: E402
 import rclpy.executors  # noqa: E402
 import rclpy.node  # noqa: E402
-import rclpy.parameter  # noqa: E402
 import rclpy.qos  # noqa: E402
 from action_msgs.msg import GoalStatus, GoalStatusArray  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
@@ -45,8 +43,6 @@ STATES = {GoalStatus.STATUS_SUCCEEDED: "succeeded", GoalStatus.STATUS_ABORTED: "
 watch_stdin()
 rclpy.init(args=[])
 node = rclpy.node.Node("rclpy_actions")
-if args.simulated:
-    node.set_parameters([rclpy.parameter.Parameter("use_sim_time", value=True)])
 executor = rclpy.executors.MultiThreadedExecutor(8)
 executor.add_node(node)
 group = rclpy.callback_groups.ReentrantCallbackGroup()

@@ -2,6 +2,7 @@
 
 #![allow(clippy::indexing_slicing, clippy::panic, reason = "in a test a panic is the right answer")]
 
+mod action_faults;
 mod actions;
 mod bridge;
 mod bridge_graph;

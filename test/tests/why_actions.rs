@@ -103,30 +103,6 @@ fn a_server_and_a_client_of_another_type_are_told() -> Result {
     })
 }
 
-#[test]
-fn simulated_time_without_a_clock_is_told() -> Result {
-    run("simulated_time_without_a_clock_is_told", BOTH, |env| {
-        let _roscore = env.roscore()?;
-        let (ros, action) = (kilted(env)?, env.topic("fib"));
-        // Without multicast a node on Fast DDS takes longer to be found than the command looks.
-        env.set_variable("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET");
-        let far = ros.rclpy_actions(&format!("serve --action {action} --simulated"))?;
-        far.event("ready")?;
-        let still = "nobody publishes ros2:/clock";
-        told(env, &ros2(&action), ["setting", still, "ros2 param set /rclpy_actions"])?;
-        let clock = ["pub", "ros2:/clock", "--type", "rosgraph_msgs/msg/Clock", "--value", "{}"];
-        let _clock = env.wrapyfi(clock.into_iter().chain(["--rate", "20"]))?;
-        asked_until(env, [&ros2(&action)], |answer| answer["cause"].is_null())?;
-
-        let _simulated = env.rospy("param --topic /use_sim_time --node says", Some("true"))?;
-        let near = env.rospy_actions(&format!("serve --action {action}"))?;
-        near.event("ready")?;
-        let still = "nobody publishes ros:/clock";
-        told(env, &ros1(&action), ["setting", still, "rosparam set /use_sim_time false"])?;
-        Ok(())
-    })
-}
-
 /// The server began when its machine had another time.
 #[test]
 fn stamps_in_the_past_are_told() -> Result {

@@ -337,6 +337,28 @@ impl Ros1ActionServer {
             sent => sent.map_err(|error| unsent(service(), error)),
         }
     }
+
+    /// Tells the clients of a goal what has become of it: number of bytes.
+    fn tell(&mut self, number: GoalNumber, update: GoalUpdate) -> ServeResult<usize> {
+        let is_news = match update {
+            GoalUpdate::Accepted => false,
+            GoalUpdate::CancelRefused(_) => {
+                self.goals.refuse_cancel(number);
+                false
+            }
+            GoalUpdate::Executing => self.goals.go_on(number, false),
+            GoalUpdate::Canceling => self.goals.go_on(number, true),
+            GoalUpdate::Feedback(feedback) => return self.publish_feedback(number, &feedback),
+            GoalUpdate::Rejected(text) => return self.end(number, None, None, &text),
+            GoalUpdate::Ended { outcome, result, text } => {
+                return self.end(number, Some(outcome), result.as_ref(), &text);
+            }
+        };
+        if is_news {
+            self.publish_change(self.now());
+        }
+        Ok(0)
+    }
 }
 
 fn unsent(service: String, error: PublishError) -> ServeError {
@@ -369,24 +391,11 @@ impl ActionServer for Ros1ActionServer {
     }
 
     fn update(&mut self, number: GoalNumber, update: GoalUpdate) -> ServeResult<usize> {
-        let is_news = match update {
-            GoalUpdate::Accepted => false,
-            GoalUpdate::CancelRefused(_) => {
-                self.goals.refuse_cancel(number);
-                false
-            }
-            GoalUpdate::Executing => self.goals.go_on(number, false),
-            GoalUpdate::Canceling => self.goals.go_on(number, true),
-            GoalUpdate::Feedback(feedback) => return self.publish_feedback(number, &feedback),
-            GoalUpdate::Rejected(text) => return self.end(number, None, None, &text),
-            GoalUpdate::Ended { outcome, result, text } => {
-                return self.end(number, Some(outcome), result.as_ref(), &text);
-            }
-        };
-        if is_news {
-            self.publish_change(self.now());
+        let bytes = self.tell(number, update)?;
+        if bytes > 0 {
+            self.topics.context.counters.sent(bytes, Duration::ZERO);
         }
-        Ok(0)
+        Ok(bytes)
     }
 
     fn kept(&self) -> usize {

@@ -7,8 +7,8 @@ use crate::common::{Master, RawPublisher, framed, node};
 use wrapyfi_conformance::TIMEOUT;
 use wrapyfi_data::types::{Map, Payload, RosAction, Value};
 use wrapyfi_endpoint::{
-    ActionClient, ActionServer, ActionSpec, Context, GoalNumber, GoalOutcome, GoalRequest,
-    GoalUpdate, Middleware as _, Request, Ticket,
+    ActionClient, ActionServer, ActionSpec, Context, DropReason, GoalNumber, GoalOutcome,
+    GoalRequest, GoalUpdate, Middleware as _, Request, Ticket,
 };
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::ResolvedType;
@@ -25,6 +25,8 @@ fn count() -> RosAction {
 /// A client and a server in two nodes at one master.
 struct Scene {
     client: Box<dyn ActionClient>,
+    /// Contexts of the client and of the server.
+    contexts: [Context; 2],
     server: Option<Box<dyn ActionServer>>,
     /// Requests that the server gave while it looked around.
     requests: VecDeque<GoalRequest>,
@@ -41,10 +43,12 @@ impl Scene {
     fn with(spec: &ActionSpec) -> Self {
         let master = Master::start();
         let (near, far) = (node(&master, "near"), node(&master, "far"));
-        let client = near.open_action_client(spec, &Context::default()).unwrap();
-        let server = far.open_action_server(spec, &Context::default()).unwrap();
+        let contexts = [Context::default(), Context::default()];
+        let client = near.open_action_client(spec, &contexts[0]).unwrap();
+        let server = far.open_action_server(spec, &contexts[1]).unwrap();
         let mut scene = Self {
             client,
+            contexts,
             server: Some(server),
             requests: VecDeque::new(),
             near,
@@ -140,6 +144,8 @@ fn a_goal_its_feedback_and_its_result_cross() {
     assert_eq!((outcome, text.as_str()), (GoalOutcome::Succeeded, "so"));
     assert_eq!(field(&result.unwrap(), "result"), Value::from(7));
     assert_eq!(scene.server.as_ref().unwrap().kept(), 1, "for a while");
+    let counted = scene.contexts[1].counters.snapshot();
+    assert_eq!((counted.received, counted.sent), (1, 101), "the feedback and the result");
 }
 
 #[test]
@@ -212,8 +218,10 @@ fn a_server_that_ends_aborts_its_goals_and_is_waited_for() {
     scene.server = None;
     scene.until("the goal ends", |scene| scene.client.take().is_some_and(|(_, it)| it.is_end()));
     scene.until("the server is gone", |scene| scene.client.link().peers == Some(0));
-    let waits = scene.client.link().waiting_for.unwrap().to_string();
-    assert!(waits.contains("/count"), "{waits}");
+    // Not the connection that has closed any more.
+    scene.until("the server is waited for", |scene| {
+        scene.client.link().waiting_for.is_some_and(|it| it.to_string().contains("/count"))
+    });
     let ticket = scene.client.send(&goal(3)).unwrap();
     assert!(matches!(scene.update(), (same, GoalUpdate::Rejected(_)) if same == ticket));
 }
@@ -261,6 +269,33 @@ fn an_action_gives_way_to_a_node_that_publishes_the_status_later() {
     let (ended, GoalUpdate::Ended { outcome, text, .. }) = last.unwrap() else { panic!() };
     assert_eq!((ended, outcome), (ticket, GoalOutcome::Aborted));
     assert!(text.contains("/real"), "{text}");
+}
+
+/// Feedback that the client does not take is dropped and counted, and the end of the goal comes all the same.
+#[test]
+fn a_flood_of_feedback_is_bounded_and_counted() {
+    const FLOOD: i32 = 5000;
+    let mut scene = Scene::new();
+    scene.client.send(&goal(3)).unwrap();
+    let (number, _) = scene.goal();
+    scene.tell(number, GoalUpdate::Executing);
+    while scene.update().1 != GoalUpdate::Executing {}
+    for at in 0..FLOOD {
+        scene.tell(number, GoalUpdate::Feedback(payload("feedback", at)));
+    }
+    let dropped =
+        |scene: &Scene| scene.contexts[0].counters.snapshot().dropped_for(DropReason::QueueFull);
+    scene.until("most of it is dropped", |scene| dropped(scene) >= FLOOD as u64 - 1000);
+    scene.tell(number, ended(GoalOutcome::Succeeded));
+    let (mut heard, mut last) = (0, None);
+    while last.is_none() {
+        match scene.update().1 {
+            GoalUpdate::Feedback(_) => heard += 1,
+            update => last = Some(update),
+        }
+    }
+    assert_eq!(heard + dropped(&scene), FLOOD as u64);
+    assert!(last.is_some_and(|update| update.is_end()));
 }
 
 /// Bytes that are no messages of an action are dropped, and the node lives on.

@@ -67,6 +67,8 @@
 mod action;
 mod action_client;
 mod action_discovery;
+#[cfg(test)]
+mod action_hostile_tests;
 mod action_server;
 #[cfg(test)]
 mod action_tests;
