@@ -336,3 +336,43 @@ fn an_action_that_is_installed_nowhere_is_described_by_the_bridge() -> Result {
         Ok(())
     })
 }
+
+/// The goal of a client whose bridge was killed goes on, and the next bridge has nobody's wish to end it but one for all.
+#[test]
+fn a_goal_that_a_killed_bridge_has_sent_can_be_cancelled() -> Result {
+    run("a_goal_that_a_killed_bridge_has_sent_can_be_cancelled", BOTH, |env| {
+        let _roscore = env.roscore()?;
+        let ros = kilted(env)?;
+        let folder = env.definitions(&[FIBONACCI])?;
+        for is_server_on_ros1 in [true, false] {
+            let action = env.topic(if is_server_on_ros1 { "one" } else { "two" });
+            let (there, here) = match is_server_on_ros1 {
+                true => (ros1(&action), ros2(&action)),
+                false => (ros2(&action), ros1(&action)),
+            };
+            let (serve, send) = (
+                format!("serve --action {action}"),
+                format!("send --action {action} --order 4000"),
+            );
+            let mut killed = bridge(env, &there, &here)?;
+            let (server, client) = match is_server_on_ros1 {
+                true => (env.rospy_actions(&serve)?, ros.rclpy_actions(&send)?),
+                false => (ros.rclpy_actions(&serve)?, env.rospy_actions(&send)?),
+            };
+            client.event("feedback").map_err(|error| error.context(killed.tail()))?;
+            killed.kill()?;
+            let next = bridge(env, &there, &here)?;
+            let route = format!("{here} -> {there}");
+            next.wait_until("the route is active", |output| {
+                route_status(output, &route).filter(|route| route["state"] == "active")
+            })?;
+            let kind = ["--type", "test_msgs/action/Fibonacci", "--definitions", &folder];
+            let cancel = [&["action", "cancel", &here, "--timeout", "30"], &kind[..]].concat();
+            env.wrapyfi(cancel)?.exits_with(0)?;
+            let told = server.event("end").map_err(|error| error.context(next.tail()))?;
+            let wanted = if is_server_on_ros1 { "preempted" } else { "canceled" };
+            assert_eq!(told["state"], wanted);
+        }
+        Ok(())
+    })
+}

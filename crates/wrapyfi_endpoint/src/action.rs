@@ -111,6 +111,10 @@ pub enum GoalRequest {
     },
     /// A client wants the goal to end. It may have ended by itself, and may be asked for again.
     Cancel(GoalNumber),
+    /// A client wants all goals of the server to end. Those that this end has taken were asked for one by one before; a
+    /// server that stands for another one, as that of a route does, passes the wish on, because that one may have goals
+    /// of other clients, and of a bridge that was there before.
+    CancelAll,
 }
 
 /// State in which an accepted goal ends.

@@ -78,6 +78,11 @@ impl Calls for Actions {
                     client.cancel(*ticket);
                 }
             }
+            Ok(Some(GoalRequest::CancelAll)) => {
+                if let Err(error) = client.cancel_all() {
+                    tracing::debug!(route = relay.spec.name, "goals of others go on: {error}");
+                }
+            }
             // The server has counted the request.
             Err(error) => relay.note(now, "refused a goal", error.drop_reason(), error.to_string()),
         }
@@ -239,6 +244,23 @@ mod tests {
         bench.step();
         assert_eq!(client.take(), Some((ticket, GoalUpdate::CancelRefused("too late".into()))));
         assert_eq!(bench.relay.calls.len(), 1);
+    }
+
+    /// Goals that a killed bridge has sent are stopped so.
+    #[test]
+    fn a_wish_to_cancel_all_reaches_goals_of_other_clients() {
+        let mut bench = Bench::new();
+        let mut server = bench.server();
+        let mut other = {
+            let spec = ActionSpec::new("/real", count());
+            bench.bus.open_action_client(&spec, &Context::default()).unwrap()
+        };
+        other.send(&goal(3)).unwrap();
+        let number = taken(&mut *server);
+        bench.step();
+        bench.client().cancel_all().unwrap();
+        bench.step();
+        assert_eq!(server.take().unwrap(), Some(GoalRequest::Cancel(number)));
     }
 
     #[test]

@@ -71,6 +71,13 @@ pub(super) struct StampedId {
     pub(super) id: GoalId,
 }
 
+impl StampedId {
+    /// True where a cancel with it means all goals.
+    pub(super) fn is_all(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// State of a goal in a `actionlib_msgs/GoalStatus`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]

@@ -167,6 +167,9 @@ impl Ros1ActionServer {
                     let before = self.goals.goals().len();
                     let asked = self.goals.cancel(&wanted, now);
                     self.requests.extend(asked.into_iter().map(GoalRequest::Cancel));
+                    if wanted.is_all() && !self.requests.contains(&GoalRequest::CancelAll) {
+                        self.requests.push_back(GoalRequest::CancelAll);
+                    }
                     if self.goals.goals().len() > before {
                         self.publish_change(now);
                     }

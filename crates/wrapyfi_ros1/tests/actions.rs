@@ -175,6 +175,7 @@ fn all_goals_are_cancelled_at_once() {
         assert_eq!(scene.request(), GoalRequest::Cancel(number));
         scene.tell(number, ended(GoalOutcome::Canceled));
     }
+    assert_eq!(scene.request(), GoalRequest::CancelAll);
     let mut ends = 0;
     while ends < 3 {
         if let (_, GoalUpdate::Ended { outcome, .. }) = scene.update() {

@@ -56,7 +56,7 @@ pub(super) struct PartsServer {
     held: Option<IncomingRequest>,
     cancels: Vec<Cancel>,
     /// Goals that are to be cancelled, which the owner has not heard of.
-    wishes: VecDeque<GoalNumber>,
+    wishes: VecDeque<GoalRequest>,
     last: u64,
 }
 
@@ -263,6 +263,13 @@ impl PartsServer {
         };
         let undecided: BTreeSet<GoalNumber> =
             self.goals.iter().filter(is_meant).map(|(number, _)| *number).collect();
+        let is_asked =
+            |number: &GoalNumber| self.cancels.iter().any(|it| it.undecided.contains(number));
+        let wishes = undecided.iter().filter(|number| !is_asked(number));
+        self.wishes.extend(wishes.copied().map(GoalRequest::Cancel));
+        if is_all_meant && !self.wishes.contains(&GoalRequest::CancelAll) {
+            self.wishes.push_back(GoalRequest::CancelAll);
+        }
         if undecided.is_empty() {
             let status = one.and_then(|number| self.goals.get(&number)).map(|goal| goal.status);
             let code = match status.filter(|status| *status != GoalStatus::STATUS_UNKNOWN) {
@@ -273,10 +280,6 @@ impl PartsServer {
             self.answer_cancel(incoming.id, code, Vec::new());
             return Ok(());
         }
-        let is_asked =
-            |number: &GoalNumber| self.cancels.iter().any(|it| it.undecided.contains(number));
-        let wishes: Vec<_> = undecided.iter().filter(|number| !is_asked(number)).copied().collect();
-        self.wishes.extend(wishes);
         let due = self.context.clock.now() + CANCEL_DECIDED;
         self.cancels.push(Cancel { asked: incoming.id, undecided, canceling: Vec::new(), due });
         Ok(())
@@ -393,7 +396,7 @@ impl PartsServer {
         };
         let reached = self.reach(number, status);
         self.decide(number, status == GoalStatus::STATUS_CANCELED);
-        self.wishes.retain(|wish| *wish != number);
+        self.wishes.retain(|wish| *wish != GoalRequest::Cancel(number));
         let Some(goal) = self.goals.get_mut(&number) else { return Ok(0) };
         let (waiting, bytes) = (std::mem::take(&mut goal.waiting), response.cdr.len());
         let was_fetched = !waiting.is_empty();
@@ -451,8 +454,8 @@ impl ActionServer for PartsServer {
                 return Err(refused(&mut *self.cancel_goal, incoming.id, error));
             }
         }
-        if let Some(number) = self.wishes.pop_front() {
-            return Ok(Some(GoalRequest::Cancel(number)));
+        if let Some(wish) = self.wishes.pop_front() {
+            return Ok(Some(wish));
         }
         while let Some(incoming) = self.next_goal()? {
             if let Some(goal) = self.begin_goal(incoming)? {

@@ -380,7 +380,14 @@ fn cancellations_are_answered_by_code() {
     let mut ask = |server: &mut PartsServer, id: u8, sec, goes_on: bool| {
         caller.send(cancel_bytes([id; 16], sec));
         let mut asked = Vec::new();
-        while let Some(GoalRequest::Cancel(number)) = server.take().unwrap() {
+        let mut is_all_asked = false;
+        while let Some(request) = server.take().unwrap() {
+            assert!(!is_all_asked, "{request:?} after the wish to cancel all");
+            let GoalRequest::Cancel(number) = request else {
+                assert_eq!(request, GoalRequest::CancelAll);
+                is_all_asked = true;
+                continue;
+            };
             let update = match goes_on {
                 true => GoalUpdate::CancelRefused(String::new()),
                 false => GoalUpdate::Canceling,
@@ -388,6 +395,7 @@ fn cancellations_are_answered_by_code() {
             server.update(number, update).unwrap();
             asked.push(number);
         }
+        assert_eq!(is_all_asked, (id, sec) == (0, 0));
         let reply = caller.reply().expect("an answer");
         let reply = CancelGoal_Response::decode(&reply.cdr, 1000).unwrap();
         let ids: Vec<_> = reply.goals_canceling.iter().map(|it| it.goal_id.uuid[0]).collect();

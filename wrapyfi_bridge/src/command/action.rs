@@ -263,6 +263,7 @@ fn serve(args: &ActionServeArgs, shutdown: &Shutdown) -> Result<()> {
                 }
                 continue;
             }
+            Ok(Some(GoalRequest::CancelAll)) => continue,
             Ok(None) => {}
             Err(error) => tracing::warn!("refused a goal: {error}"),
         }

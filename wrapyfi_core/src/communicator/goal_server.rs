@@ -115,6 +115,8 @@ impl ServedGoals {
                     is_news |= self.receive(state, number, &goal, wire_bytes);
                 }
                 Ok(Some(GoalRequest::Cancel(number))) => self.cancel(state, number),
+                // Each goal of this server was asked for before.
+                Ok(Some(GoalRequest::CancelAll)) => {}
                 // The server has counted the request.
                 Err(fault) => {
                     state.fault = Some(fault);

@@ -142,7 +142,7 @@ impl ActionClient for MemoryActionClient {
         self.end.with(|action| {
             let goals = action.goals.keys().copied().map(GoalRequest::Cancel);
             if let Some((requests, wake)) = &mut action.server {
-                requests.extend(goals);
+                requests.extend(goals.chain([GoalRequest::CancelAll]));
                 wake.ring();
             }
         });
