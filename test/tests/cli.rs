@@ -381,7 +381,11 @@ fn an_address_of_its_own_is_for_middlewares_that_tell_it() -> Result {
         let words = [words[0], "WRAPYFI_ZEROMQ_SOCKET_IP"];
         complains(&mut ip("zeromq:/x", "192.0.2.7")?, &[2], &words)?;
         let mut call = env.wrapyfi(["call", "ros2:/x", "--option", "carrier=tcp"])?;
-        complains(&mut call, &[2], &["option carrier is unknown on ros2; options here: none"])
+        complains(
+            &mut call,
+            &[2],
+            &["option carrier is unknown on ros2; options here: introspection"],
+        )
     })
 }
 

@@ -40,7 +40,14 @@ impl Panics {
 impl Driver for Panics {
     fn available(&self) -> Available<'static> {
         self.may("available");
-        Available { name: self.name, ..Available::default() }
+        let mut available = Available { name: self.name, ..Available::default() };
+        if self.at == "check_topic" {
+            available.check_topic = &|_| {
+                assert!(!ARMED.load(Relaxed), "on purpose");
+                Ok(())
+            };
+        }
+        available
     }
 
     fn section(&self) -> Box<dyn Section> {
@@ -151,7 +158,7 @@ const fn panics(name: &'static str, at: &'static str) -> Panics {
 static NAMELESS: Panics = panics("bad", "available");
 static ODD: Panics = panics("a:b", "");
 static TWIN: Panics = panics("zeromq", "");
-static ALL: [Panics; 9] = [
+static ALL: [Panics; 10] = [
     panics("good", ""),
     panics("a", "read"),
     panics("b", "check"),
@@ -161,6 +168,7 @@ static ALL: [Panics; 9] = [
     panics("f", "is_expected"),
     panics("g", "whole_bridge"),
     panics("h", "servers"),
+    panics("i", "check_topic"),
 ];
 
 #[test]
@@ -195,6 +203,8 @@ fn a_driver_that_is_wrong_is_named_and_the_others_go_on() {
         let expected = format!("middleware {name}: its driver panicked: on purpose");
         assert!(told.contains(&expected), "{name}: {told}");
     }
+    let told = load("", "i").unwrap_err();
+    assert!(told.contains("middleware i: its driver panicked: on purpose"), "{told}");
     for name in ["d", "e"] {
         let told = for_look(name, OwnAddress::default()).err().unwrap().to_string();
         let expected = format!("middleware {name}: its driver panicked: on purpose");

@@ -294,11 +294,13 @@ pub enum Cause {
     },
     /// The route closes a circle over routes of other bridges.
     #[error(
-        "loop: what this route sends to {to} comes back to {from} through {}, and would go round for ever; leave \
+        "loop: what this route of bridge {bridge} sends to {to} comes back to {from} through {}, and would go round for ever; leave \
          one of the routes out, or write loop_guard: false here if that is no circle",
         way_back(way)
     )]
     Cycle {
+        /// Bridge that has the route.
+        bridge: String,
         /// Address of the source.
         from: String,
         /// Address of the destination.

@@ -396,14 +396,15 @@ fn each_cause_has_its_sentence_and_its_parts() {
         ),
         (
             Cause::Cycle {
+                bridge: text("/3"),
                 from: text("m:a"),
                 to: text("m:b"),
                 way: vec![hop("/1", "m:b", "m:c"), hop("/2", "m:c", "m:a")],
             },
             Code::Cycle,
             ["/1, /2", "", ""],
-            "loop: what this route sends to m:b comes back to m:a through bridge /1 (m:b -> m:c), then bridge /2 (m:c -> \
-             m:a), and would go round for ever; leave one of the routes out, or write loop_guard: false here if that is \
+            "loop: what this route of bridge /3 sends to m:b comes back to m:a through bridge /1 (m:b -> m:c), then bridge /2 \
+             (m:c -> m:a), and would go round for ever; leave one of the routes out, or write loop_guard: false here if that is \
              no circle",
         ),
         (

@@ -18,6 +18,7 @@ use serde::de::DeserializeOwned;
 use wrapyfi_data::types::{MessageType, RosAction, ServiceKind, Value};
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_retry::contained;
 
 use crate::config::{NamedSection, Problem, Reading, Spanned, section_of};
 use crate::network::{Hosts, Insecure};
@@ -388,6 +389,30 @@ pub struct Available<'a> {
     /// Conventions of the middleware for types and names.
     #[doc(hidden)]
     pub conventions: Conventions,
+}
+
+impl Available<'_> {
+    /// Asks the rule of the middleware for topic names.
+    ///
+    /// # Errors
+    /// The fault of the name, or the panic of the rule.
+    pub fn check_name(&self, topic: &str) -> Result<(), String> {
+        self.contained(|| (self.check_topic)(topic))
+    }
+
+    /// Asks the rule of the middleware for the value of one of its options.
+    ///
+    /// # Errors
+    /// The fault of the value, or the panic of the rule.
+    pub fn check_value(&self, option: &str, value: &Value) -> Result<(), String> {
+        self.contained(|| (self.check_option)(option, value))
+    }
+
+    fn contained(&self, rule: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+        contained(rule).unwrap_or_else(|panic| {
+            Err(format!("middleware {}: its driver panicked: {panic}", self.name))
+        })
+    }
 }
 
 impl Default for Available<'_> {

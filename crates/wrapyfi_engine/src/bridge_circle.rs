@@ -107,7 +107,8 @@ impl BridgeRoutes {
                 to: topic.to.address.clone(),
             });
             let (from, to) = (topic.from.address.clone(), topic.to.address.clone());
-            closing.insert(first, Cause::Cycle { from, to, way: way.collect() });
+            let (bridge, way) = (self.node.clone(), way.collect());
+            closing.insert(first, Cause::Cycle { bridge, from, to, way });
         }
         closing
     }
@@ -162,8 +163,7 @@ mod tests {
         let none: &[usize] = &[];
         assert_eq!(stopped(&[there.clone(), back.clone()]), [none, &[1]]);
         let cause = back.closing(&[&there]).remove(&1).unwrap();
-        let through =
-            matches!(&cause, Cause::Cycle { way, .. } if *way == [hop("/1", "m:a", "m:b")]);
+        let through = matches!(&cause, Cause::Cycle { bridge, way, .. } if bridge == "/2" && *way == [hop("/1", "m:a", "m:b")]);
         assert!(through, "{cause}");
         let beside = bridge(3, &[("a", "b", false)]);
         assert_eq!(stopped(&[there.clone(), beside.clone()]), [none, none]);

@@ -23,7 +23,8 @@ pub(super) fn address(
         );
         return Err(problem(what));
     }
-    (middleware.check_topic)(&address.name)
+    middleware
+        .check_name(&address.name)
         .map_err(|fault| problem(format!("{:?} is no topic name: {fault}", text.value)))?;
     Ok(address)
 }

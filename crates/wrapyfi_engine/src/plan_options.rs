@@ -61,20 +61,21 @@ pub(super) fn read(
             Ok(read) => {
                 let read = plain(read);
                 let reads = |one: &&&Available<'_>| one.options.contains(&name.as_str());
-                let checked = || at_ends.iter().filter(reads).map(|one| one.check_option);
+                let checked = || at_ends.iter().filter(reads);
                 let of_peers = list.and_then(|_| Peers::read(&read).err());
                 let of_peers = of_peers.map(|wanted| format!("option {name} must be {wanted}"));
                 let of_function = |one: &&Available<'_>| {
                     let checked = function_action::check_option(name, &read);
                     let is_topic = || match read.as_str().filter(|_| name == FEEDBACK) {
-                        Some(topic) => (one.check_topic)(topic)
-                            .map_err(|fault| format!("option {name}: {fault}")),
+                        Some(topic) => {
+                            one.check_name(topic).map_err(|fault| format!("option {name}: {fault}"))
+                        }
                         None => Ok(()),
                     };
                     checked.and_then(|()| is_topic()).err()
                 };
                 let fault = of_peers
-                    .or_else(|| checked().find_map(|it| it(name, &read).err()))
+                    .or_else(|| checked().find_map(|one| one.check_value(name, &read).err()))
                     .or_else(|| function.and_then(of_function));
                 fault.into_iter().for_each(&mut complain);
                 options.insert(name.as_str(), read);
