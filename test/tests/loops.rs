@@ -166,7 +166,7 @@ fn a_ring_of_three_bridges_is_a_circle() -> Result {
         let back = with_yarp(env.foreign()).route(text(&yarp(&topic), &ros2(&topic)));
         let back = env.bridge_named("back.yaml", &back)?;
         let reason = until_closed(&back)?;
-        assert_eq!(reason.matches("bridge /wrapyfi_bridge").count(), 2, "{reason}");
+        assert_eq!(reason.matches("bridge /wrapyfi_bridge").count(), 3, "{reason}");
         goes_round_never(env, &ros2(&topic), &[&out, &over], &back)
     })
 }
