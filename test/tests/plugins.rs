@@ -249,4 +249,18 @@ travels_from_ros! {
     pyarrow_arrays_travel_from_ros: "pyarrow", "arrowarray";
     xarray_arrays_travel_from_ros: "xarray", "xarray";
     xarray_data_sets_travel_from_ros: "xarray", "xarrayset";
+    pillow_files_travel_from_ros: "PIL", "pillowfile";
+    pillow_inks_travel_from_ros: "PIL", "pillowcmyk";
+    pillow_grey_images_travel_from_ros: "PIL", "pillowl";
+    pillow_images_with_alpha_travel_from_ros: "PIL", "pillowrgba";
+    pillow_images_of_bits_travel_from_ros: "PIL", "pillowbits";
+    pillow_images_of_floats_travel_from_ros: "PIL", "pillowf";
+    pillow_images_of_integers_travel_from_ros: "PIL", "pillowi";
+    pillow_images_of_16_bits_travel_from_ros: "PIL", "pillowi16";
+    pandas_columns_of_arrow_types_travel_from_ros: "pandas", "pandasarrow";
+    pandas_zones_and_periods_travel_from_ros: "pandas", "pandastimes";
+    pandas_regular_times_travel_from_ros: "pandas", "pandasfreq";
+    pyarrow_structs_travel_from_ros: "pyarrow", "arrowstruct";
+    pyarrow_lists_travel_from_ros: "pyarrow", "arrowlist";
+    pyarrow_scalars_travel_from_ros: "pyarrow", "arrowscalar";
 }

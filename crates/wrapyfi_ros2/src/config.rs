@@ -41,7 +41,7 @@ const ANNOUNCE_MS: u32 = 1500;
 
 /// Peers of a node that looks for others without multicast, from their beginning. Those on this host announce themselves
 /// to all of it when they come, so that the 33 ports that one of them might have are not asked for ever.
-const HERE: &str = "<Peers AddLocalhost=\"false\"><Peer address=\"localhost\" PruneDelay=\"30s\"/>";
+const HERE: &str = "<Peers AddLocalhost=\"false\"><Peer address=\"127.0.0.1\" PruneDelay=\"30s\"/>";
 
 /// Vendors whose type information is ignored, `1.N`: all that CycloneDDS can name there.
 const VENDORS: std::ops::RangeInclusive<u32> = 2..=32;
