@@ -112,8 +112,7 @@ def send(client, index, done):
     client.send_goal_async(goal, feedback_callback=on_feedback).add_done_callback(on_accepted)
 
 
-def send_all():
-    client = rclpy.action.ActionClient(node, Fibonacci, args.action, callback_group=group)
+def send_all(client):
     while not client.wait_for_server(timeout_sec=0.5):
         if leaving.is_set():
             return
@@ -140,7 +139,9 @@ elif args.role == "watch":
         lambda array: say("status", states=[one.status for one in array.status_list]), rclpy.qos.qos_profile_action_status_default)
     say("ready")
 else:
-    threading.Thread(target=send_all, daemon=True).start()
+    # Made before the executor spins, which reads what its constructor sets last.
+    client = rclpy.action.ActionClient(node, Fibonacci, args.action, callback_group=group)
+    threading.Thread(target=send_all, args=(client,), daemon=True).start()
 threading.Thread(target=executor.spin, daemon=True).start()
 leaving.wait()
 leave()
