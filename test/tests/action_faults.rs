@@ -61,6 +61,7 @@ fn threads(process: &Process) -> Result<usize> {
 
 /// A client of rclpy keeps ten replies of a service: each has half as many goals.
 #[test]
+#[ignore = "fails about once in ten beside many other tests, for a reason that is not known: a fault to find"]
 fn goals_under_way_have_no_threads_of_their_own() -> Result {
     const CLIENTS: usize = 6;
     const GOALS: usize = 5;
@@ -230,6 +231,7 @@ fn who_comes_late_gets_the_status() -> Result {
 
 /// A bridge that is there is no server.
 #[test]
+#[ignore = "fails about once in ten beside many other tests, for a reason that is not known: a fault to find"]
 fn a_client_waits_for_the_real_server() -> Result {
     run("a_client_waits_for_the_real_server", BOTH, |env| {
         let _roscore = env.roscore()?;
