@@ -114,8 +114,9 @@ pub(crate) fn carries(name: &str, interaction: Interaction) -> bool {
 /// Exit code 2 with the rule.
 pub fn check_topic(address: &EndpointAddress) -> Result<()> {
     let fault = |text| Failure::Usage(format!("{address}: {text}"));
-    known(&address.middleware)
-        .map_or(Ok(()), |known| known.check_name(&address.name).map_err(fault))
+    known(&address.middleware).map_or(Ok(()), |known| {
+        guarded(known.name, || (known.check_topic)(&address.name))?.map_err(fault)
+    })
 }
 
 /// Names of all that there are.
