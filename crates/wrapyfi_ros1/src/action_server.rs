@@ -64,6 +64,8 @@ pub(super) struct Ros1ActionServer {
     stamps: Stamps,
     published_at: Instant,
     next_status: Instant,
+    /// A goal changed its state since the last status array.
+    is_unpublished: bool,
     /// Time before which the action is not offered again: two bridges that gave way to each other wait for different
     /// times.
     next_try: Instant,
@@ -89,6 +91,7 @@ impl Ros1ActionServer {
             stamps: Stamps::default(),
             published_at: now,
             next_status: now,
+            is_unpublished: false,
             next_try: now,
             backoff: Backoff::of_process(node.next_id()),
             topics,
@@ -244,11 +247,13 @@ impl Ros1ActionServer {
             self.publish_status(now);
         } else {
             self.next_status = self.next_status.min(soon);
+            self.is_unpublished = true;
         }
     }
 
     fn publish_status(&mut self, now: Instant) {
         (self.published_at, self.next_status) = (now, now + STATUS_EVERY);
+        self.is_unpublished = false;
         self.goals.forget(now);
         let (stamp, goals) = (self.stamp(), self.goals.goals());
         let Some(parts) = &mut self.parts else { return };
@@ -310,6 +315,10 @@ impl Ros1ActionServer {
         {
             // A state that the real server went through while nobody looked.
             self.publish_change(now);
+        }
+        // PREEMPTING alone tells a client that a goal was cancelled by another, and not given up for a newer one.
+        if outcome == Some(GoalOutcome::Canceled) && self.is_unpublished {
+            self.publish_status(now);
         }
         let message = self.part(self.topics.spec.kind.result(), result);
         let outcome = if message.is_err() { Some(GoalOutcome::Aborted) } else { outcome };

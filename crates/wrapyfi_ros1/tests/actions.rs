@@ -165,6 +165,26 @@ fn a_cancel_reaches_the_goal_while_it_runs() {
     assert_eq!(outcome, GoalOutcome::Canceled);
 }
 
+/// Arrays that follow each other closely are left out, but for the one that shows PREEMPTING.
+#[test]
+fn a_goal_that_another_client_cancels_is_canceled_however_soon_it_ends() {
+    let mut scene = Scene::new();
+    let ticket = scene.client.send(&goal(3)).unwrap();
+    let (number, _) = scene.goal();
+    let ended = ended(GoalOutcome::Canceled);
+    for update in [GoalUpdate::Executing, GoalUpdate::Canceling, ended] {
+        scene.tell(number, update);
+    }
+    assert_eq!(scene.update(), (ticket, GoalUpdate::Accepted));
+    let outcome = loop {
+        match scene.update() {
+            (_, GoalUpdate::Ended { outcome, .. }) => break outcome,
+            (_, update) => assert!(!update.is_end(), "{update:?}"),
+        }
+    };
+    assert_eq!(outcome, GoalOutcome::Canceled);
+}
+
 #[test]
 fn all_goals_are_cancelled_at_once() {
     let mut scene = Scene::new();
