@@ -27,7 +27,7 @@ use serde::Serialize;
 
 use super::calls::Ticket;
 use super::service_error::{CallError, ServeResult};
-use super::{BridgeMark, GoalEvent, Link, Request};
+use super::{BridgeMark, GoalEvent, Link, Middleware, OpenResult, Request};
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, Map, Payload, RosAction};
@@ -278,4 +278,20 @@ pub trait ActionServer: Send {
 
     /// Connection of the server now; its peers are clients.
     fn link(&self) -> Link;
+
+    /// Hides the action from clients that look for a server, while goals that come all the same are still taken. False
+    /// where the wire has no way to: the action is there until its server is dropped.
+    fn hide(&mut self) -> bool {
+        false
+    }
+
+    /// Shows an action that was hidden again, on the middleware that it was opened on; does nothing with one that is
+    /// shown.
+    ///
+    /// # Errors
+    /// As those of opening it.
+    fn show(&mut self, on: &dyn Middleware) -> OpenResult<()> {
+        _ = on;
+        Ok(())
+    }
 }

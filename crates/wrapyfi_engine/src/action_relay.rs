@@ -5,7 +5,7 @@
 //!          ◀── state, feedback, result ◀── updates ────                          ◀──
 //! ```
 //!
-//! The action is offered while its real server is there, so that a client that waits for a server waits for the real
+//! The action is shown while its real server is there, so that a client that waits for a server waits for the real
 //! one. A goal is one entry that ends once: by what the real server says, or as aborted when that server has gone.
 
 use std::sync::Arc;
@@ -49,6 +49,14 @@ impl Calls for Actions {
 
     fn kept(server: &Self::Server) -> usize {
         server.kept()
+    }
+
+    fn hide(server: &mut Self::Server) -> bool {
+        server.hide()
+    }
+
+    fn show(server: &mut Self::Server, on: &dyn Middleware) -> OpenResult<()> {
+        server.show(on)
     }
 
     fn ask(relay: &mut ActionRelay, now: Instant) -> bool {

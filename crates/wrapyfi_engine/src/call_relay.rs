@@ -20,7 +20,8 @@ use super::work::{Progress, UNWANTED_FOR, Work, not_begun};
 use wrapyfi_data::codec::Conversion;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Absent, Cause, Context, DropReason, Link, Middleware, Opened, Qos, Registry, Role, Ticket,
+    Absent, Cause, Context, DropReason, Link, Middleware, OpenResult, Opened, Qos, Registry, Role,
+    Ticket,
 };
 
 /// Largest number of requests and of answers moved in one step.
@@ -44,6 +45,14 @@ pub(super) trait Calls: Sized {
     fn look_at_client(client: &Self::Client) -> (Link, Option<Instant>);
     /// Number of answers that the offered end has yet to send.
     fn kept(server: &Self::Server) -> usize;
+    /// Hides the offered end while the real server is away; false where it has to be closed for that.
+    fn hide(_: &mut Self::Server) -> bool {
+        false
+    }
+    /// Shows an offered end that was hidden.
+    fn show(_: &mut Self::Server, _: &dyn Middleware) -> OpenResult<()> {
+        Ok(())
+    }
     /// Hands a request on to the real server; false where there is none.
     fn ask(relay: &mut CallRelay<Self>, now: Instant) -> bool;
     /// Hands an answer back to its caller; false where there is none.
@@ -93,17 +102,24 @@ impl<I: Calls> CallRelay<I> {
     }
 
     /// Opens what is to be open, the client of the real server first, so that a request finds it open. An offered end
-    /// that follows its server closes when that has gone and its clients have heard of it.
+    /// that follows its server hides or closes when that has gone and its clients have heard of it.
     fn reconcile(&mut self, now: Instant) {
         let Self { spec, front, back, offered, called, backoff, .. } = self;
         called.open_with(now, backoff, |middleware| I::open_client(middleware, spec, back));
         self.link = called.open.as_deref().map(|client| I::look_at_client(client).0);
         if self.link.as_ref().is_some_and(|link| !I::FOLLOWS || link.has_peers()) {
             offered.open_with(now, backoff, |middleware| I::open_server(middleware, spec, front));
-            if offered.open.is_some() {
-                backoff.reset();
+            let RouteEnd { open, middleware, .. } = &mut *offered;
+            if let (Some(server), Some(middleware)) = (open, middleware) {
+                match I::show(server, &**middleware) {
+                    Ok(()) => backoff.reset(),
+                    Err(error) => offered.refuse(now, backoff, error),
+                }
             }
-        } else if offered.open.as_deref().is_some_and(|server| I::kept(server) == 0) {
+        } else if let Some(server) = offered.open.as_deref_mut()
+            && I::kept(server) == 0
+            && !I::hide(server)
+        {
             offered.close();
         }
     }

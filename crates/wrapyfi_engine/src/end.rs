@@ -96,11 +96,18 @@ impl<T: ?Sized> RouteEnd<T> {
                     self.trouble = Some(RouteState::Error(Cause::Panic { what, panic }));
                 }
             },
-            Err(error) if error.is_transient() => {
-                self.retry_at = Some(now + backoff.wait());
-                self.trouble = Some(RouteState::Waiting(error.into()));
-            }
-            Err(error) => self.trouble = Some(RouteState::Error(error.into())),
+            Err(error) => self.refuse(now, backoff, error),
+        }
+    }
+
+    /// Notes why the endpoint is not open, and when it is tried again.
+    pub(super) fn refuse(&mut self, now: Instant, backoff: &mut Backoff, error: OpenError) {
+        self.close();
+        if error.is_transient() {
+            self.retry_at = Some(now + backoff.wait());
+            self.trouble = Some(RouteState::Waiting(error.into()));
+        } else {
+            self.trouble = Some(RouteState::Error(error.into()));
         }
     }
 }

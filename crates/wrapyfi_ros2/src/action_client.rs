@@ -23,7 +23,9 @@ use wrapyfi_interfaces::action_msgs::srv::{CancelGoal_Request, CancelGoal_Respon
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_interfaces::unique_identifier_msgs::msg::UUID;
 
-use super::action::{GoalId, PARTS, Parts, context_of_parts, next_state, split_id, with_id};
+use super::action::{
+    GoalId, PARTS, Parts, SERVICES, context_of_parts, next_state, split_id, with_id,
+};
 use super::ros2::NAME;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Payload, RosMessage, RosService};
@@ -483,7 +485,10 @@ impl ActionClient for PartsClient {
         let waiting_for = match parts.len() {
             _ if peers != Some(0) => None,
             _ if cause.is_some() => cause,
-            1.. if parts.len() < PARTS.len() => Some(Cause::PartsMissing { absent, parts }),
+            // Services alone are a bridge whose real server is away.
+            1.. if parts.len() < PARTS.len() && Some(&*parts) != PARTS.get(SERVICES..) => {
+                Some(Cause::PartsMissing { absent, parts })
+            }
             _ => Some(Cause::Nobody(absent)),
         };
         Link { peers, waiting_for, keeps_last: false }

@@ -6,6 +6,11 @@
 //!   get_result ──▶ waits with its goal           ended ────────────────▶ the reply of get_result
 //!                                                feedback ─▶ feedback    any change ─▶ status
 //! ```
+//!
+//! A client takes the server for there when it has found all five. So an action whose real server is away keeps its
+//! services and closes its topics. Were the services closed too, clients on Fast DDS would go on taking them for there:
+//! it passes over the end of an endpoint of RustDDS, whose notice has the key where Fast DDS looks for its hash. They
+//! would send their next goal to what is no longer there as soon as the new topics are.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -46,8 +51,8 @@ pub(super) struct PartsServer {
     send_goal: Box<dyn Server>,
     cancel_goal: Box<dyn Server>,
     get_result: Box<dyn Server>,
-    feedback: Box<dyn Publisher>,
-    status: Box<dyn Publisher>,
+    /// Closed while the action is hidden.
+    topics: Option<Topics>,
     cancel: RosService,
     states: RosType,
     goals: BTreeMap<GoalNumber, Goal>,
@@ -58,6 +63,11 @@ pub(super) struct PartsServer {
     /// Goals that are to be cancelled, which the owner has not heard of.
     wishes: VecDeque<GoalRequest>,
     last: u64,
+}
+
+struct Topics {
+    feedback: Box<dyn Publisher>,
+    status: Box<dyn Publisher>,
 }
 
 struct Goal {
@@ -85,6 +95,15 @@ struct Cancel {
     due: Instant,
 }
 
+impl Topics {
+    fn open(middleware: &dyn Middleware, of: &Parts, parts: &Context) -> OpenResult<Self> {
+        Ok(Self {
+            status: middleware.open_publisher(&of.status, parts)?,
+            feedback: middleware.open_publisher(&of.feedback, parts)?,
+        })
+    }
+}
+
 impl PartsServer {
     /// Opens the parts of the action on `middleware`.
     ///
@@ -97,10 +116,8 @@ impl PartsServer {
     ) -> OpenResult<Self> {
         let (of, parts) = (Parts::of(spec)?, context_of_parts(context));
         Ok(Self {
-            // A client takes the server for there when it has found all parts: the topics come first, so that no
-            // state and no feedback is missed.
-            status: middleware.open_publisher(&of.status, &parts)?,
-            feedback: middleware.open_publisher(&of.feedback, &parts)?,
+            // The topics come first, so that no state and no feedback is missed.
+            topics: Some(Topics::open(middleware, &of, &parts)?),
             get_result: middleware.open_server(&of.get_result, &parts)?,
             cancel_goal: middleware.open_server(&of.cancel_goal, &parts)?,
             send_goal: middleware.open_server(&of.send_goal, &parts)?,
@@ -160,7 +177,8 @@ impl PartsServer {
         if self.held.is_none() {
             self.held = self.send_goal.take()?;
         }
-        let is_unread = self.feedback.link().peers == Some(0);
+        let readers = self.topics.as_ref().map(|topics| topics.feedback.link().peers);
+        let is_unread = readers == Some(Some(0));
         let age = |held: &mut IncomingRequest| self.context.clock.age(held.received_at);
         Ok(self.held.take_if(|held| !is_unread || age(held) >= READER_KNOWN))
     }
@@ -343,7 +361,8 @@ impl PartsServer {
         let status = |goal: &Goal| GoalStatus { goal_info: goal.info.clone(), status: goal.status };
         let array = GoalStatusArray { status_list: known.map(status).collect() };
         let message = RosMessage::new(self.states, array.encode().to_bytes());
-        match self.status.publish(&message.into()) {
+        let Some(topics) = &mut self.topics else { return };
+        match topics.status.publish(&message.into()) {
             Ok(_) | Err(PublishError::NoConsumer(_)) => {}
             Err(error) => {
                 self.context.counters.dropped(error.drop_reason());
@@ -358,7 +377,8 @@ impl PartsServer {
             .map_err(|fault| self.unsent(fault))?;
         let Some(goal) = self.goals.get(&number) else { return Ok(0) };
         let message = with_id(&goal.info.goal_id.uuid, &body, kind.feedback_message());
-        match self.feedback.publish(&message.into()) {
+        let Some(topics) = &mut self.topics else { return Ok(0) };
+        match topics.feedback.publish(&message.into()) {
             Ok(bytes) => Ok(bytes),
             Err(PublishError::NoConsumer(_)) => Ok(0),
             Err(PublishError::Encode(fault)) => Err(self.unsent(fault)),
@@ -510,6 +530,18 @@ impl ActionServer for PartsServer {
 
     fn link(&self) -> Link {
         self.send_goal.link()
+    }
+
+    fn hide(&mut self) -> bool {
+        self.topics = None;
+        true
+    }
+
+    fn show(&mut self, on: &dyn Middleware) -> OpenResult<()> {
+        if self.topics.is_none() {
+            self.topics = Some(Topics::open(on, &Parts::of(&self.spec)?, &self.parts)?);
+        }
+        Ok(())
     }
 }
 

@@ -17,7 +17,7 @@ use crate::action_server::PartsServer;
 use wrapyfi_data::types::{Map, Payload, RosAction, RosMessage, ServiceKind, Stamp, Value};
 use wrapyfi_endpoint::memory::{Carriage, Fate, Memory};
 use wrapyfi_endpoint::{
-    ActionClient, ActionServer, ActionSpec, CallError, Client, Clock, Context, DropReason,
+    ActionClient, ActionServer, ActionSpec, CallError, Cause, Client, Clock, Context, DropReason,
     GoalNumber, GoalOutcome, GoalRequest, GoalUpdate, Listener, Middleware, Mutex, Request, RosNow,
     ServiceSpec, Ticket,
 };
@@ -531,6 +531,31 @@ fn a_server_that_goes_ends_its_goals() {
     assert_eq!(client.deadline(), Some(bench.context.clock.now() + 5 * SECOND));
     bench.pass(5 * SECOND);
     assert_eq!(told(&mut client), ["rejected(\"there is no server\")"]);
+}
+
+/// Clients on Fast DDS do not hear of the end of a service on RustDDS.
+#[test]
+fn an_action_that_is_hidden_keeps_its_services() {
+    let bench = Bench::new();
+    let (mut server, mut client) = (bench.server(), bench.client());
+    let mut caller = bench.caller(|parts| parts.send_goal);
+    assert!(server.hide());
+    let link = client.link();
+    assert!(matches!(link.waiting_for, Some(Cause::Nobody(_))), "{link:?}");
+    assert_eq!(link.peers, Some(0));
+    caller.send(goal_bytes([1; 16], 1));
+    let (number, _) = taken(&mut server);
+    server.update(number, GoalUpdate::Rejected(String::new())).unwrap();
+    assert_eq!(caller.replied("accepted"), 0);
+    server.show(&bench.bus).unwrap();
+    assert_eq!(client.link().peers, Some(1));
+    client.send(&goal(2)).unwrap();
+    let (number, to) = taken(&mut server);
+    assert_eq!(to, 2);
+    server.update(number, ended(GoalOutcome::Succeeded, 2)).unwrap();
+    assert_eq!(told(&mut client), ["accepted", "executing"]);
+    assert_eq!(server.take().unwrap(), None);
+    assert_eq!(told(&mut client), ["succeeded 2"]);
 }
 
 /// A server that is killed and starts again knows nothing of the goals before.
