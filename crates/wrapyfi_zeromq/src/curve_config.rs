@@ -121,7 +121,9 @@ pub enum CurveError {
     /// The library that the program is linked with has no CURVE.
     #[error(
         "libzmq of this program was built without CURVE, as the one is that the crate zmq-sys brings: link the \
-         system's (Debian and Ubuntu: libzmq3-dev, .cargo/config.toml)"
+         system's (Debian and Ubuntu: libzmq3-dev), as .cargo/config.toml in the sources does, or by \
+         cargo install --config 'target.{}-unknown-linux-gnu.zmq.rustc-link-lib=[\"zmq\"]'",
+        std::env::consts::ARCH
     )]
     NotInLibzmq,
     /// A file of a key cannot be read.
