@@ -41,23 +41,34 @@ set(WRAPYFI_TESTED_CRATES "" CACHE STRING "Crates whose tests are built and run,
 
 # Rustup's before PATH: distributions put their old cargo where a shell without ~/.cargo/env finds it.
 # It picks the tool chain when it runs, so asking in the workspace gives the version that will build it.
+# Where that is too old or there is none, the one of Ubuntu 24.04's package cargo-1.89, which is all that ROS's build machines have.
 find_program(CARGO_EXECUTABLE cargo HINTS "$ENV{CARGO_HOME}/bin" "$ENV{HOME}/.cargo/bin")
+find_program(WRAPYFI_VERSIONED_CARGO cargo-${WRAPYFI_RUST_MINIMUM})
 set(_remedy "Install it through rustup (https://rustup.rs) or run `rustup update stable`. "
-  "Those of Ubuntu 24.04 and Debian 12 are too old.")
+  "On Ubuntu 24.04 `sudo apt install cargo-1.89 rustc-1.89` serves too. The plain cargo of Ubuntu 24.04 and Debian 12 is too old.")
 string(CONCAT _remedy ${_remedy})
-if(NOT CARGO_EXECUTABLE)
+if(NOT CARGO_EXECUTABLE AND NOT WRAPYFI_VERSIONED_CARGO)
   message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; there is no cargo. ${_remedy}")
 endif()
-execute_process(
-  COMMAND "${CARGO_EXECUTABLE}" --version
-  WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
-  OUTPUT_VARIABLE _version ERROR_VARIABLE _error RESULT_VARIABLE _result
-  OUTPUT_STRIP_TRAILING_WHITESPACE)
-string(REGEX MATCH "[0-9]+\\.[0-9]+(\\.[0-9]+)?" _number "${_version}")
-if(NOT _result EQUAL 0 OR _number VERSION_LESS WRAPYFI_RUST_MINIMUM)
+foreach(_cargo "${WRAPYFI_VERSIONED_CARGO}" "${CARGO_EXECUTABLE}")
+  if(_cargo)
+    set(_found "${_cargo}")
+    execute_process(
+      COMMAND "${_cargo}" --version
+      WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
+      OUTPUT_VARIABLE _version ERROR_VARIABLE _error RESULT_VARIABLE _result
+      OUTPUT_STRIP_TRAILING_WHITESPACE)
+    string(REGEX MATCH "[0-9]+\\.[0-9]+(\\.[0-9]+)?" _number "${_version}")
+    if(_result EQUAL 0 AND _number VERSION_GREATER_EQUAL WRAPYFI_RUST_MINIMUM)
+      set(_usable "${_cargo}")
+    endif()
+  endif()
+endforeach()
+if(NOT _usable)
   message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; "
-    "${CARGO_EXECUTABLE} says: ${_version}${_error}. ${_remedy}")
+    "${_found} says: ${_version}${_error}. ${_remedy}")
 endif()
+set(CARGO_EXECUTABLE "${_usable}")
 
 # JPEG goes through the system's libjpeg-turbo, which the crate turbojpeg finds by pkg-config.
 find_program(WRAPYFI_PKG_CONFIG NAMES pkg-config pkgconf)
@@ -80,13 +91,19 @@ if(CMAKE_HOST_SYSTEM_PROCESSOR MATCHES "^(x86_64|aarch64)$")
   endif()
 endif()
 
-foreach(_name _version _error _result _number _libraries _remedy)
+foreach(_name _version _error _result _number _found _usable _libraries _remedy)
   unset(${_name})
 endforeach()
 
+# The compiler that has its version in its name is not found by a cargo that has.
+set(_wrapyfi_rustc "")
+if(CARGO_EXECUTABLE MATCHES "/cargo-([0-9.]+)$")
+  set(_wrapyfi_rustc "RUSTC=rustc-${CMAKE_MATCH_1}" "RUSTDOC=rustdoc-${CMAKE_MATCH_1}")
+endif()
+
 # Only the target folder differs from what a developer types, so nothing is built twice for a flag.
 set(_wrapyfi_cargo
-  "${CMAKE_COMMAND}" -E env "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}"
+  "${CMAKE_COMMAND}" -E env ${_wrapyfi_rustc} "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}"
   "WRAPYFI_RMW_PREFIX_PATH=${WRAPYFI_RMW_PREFIX_PATH}" "${CARGO_EXECUTABLE}")
 
 function(wrapyfi_cargo_build)
@@ -160,6 +177,7 @@ function(wrapyfi_cargo_test _crate)
       --profile "${WRAPYFI_CARGO_PROFILE}" --package "${_crate}" --result "${_result}" "--rmw=${WRAPYFI_RMW_PREFIX_PATH}"
       "--tested=${_tested}" ${_doc_tests}
     RESULT_FILE "${_result}"
+    ENV ${_wrapyfi_rustc}
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
     TIMEOUT ${_arg_TIMEOUT})
 endfunction()

@@ -132,6 +132,21 @@ for package in wrapyfi_core wrapyfi_bridge; do
         fail "$package is built with rmw where no ROS 2 is sourced: $commands"
 done
 
+step="the cargo of Ubuntu's package cargo-1.89, where the other is too old"
+versioned=$workspace/versioned
+mkdir -p "$versioned"
+printf "#!/bin/sh\necho cargo 1.75.0\n" >"$versioned/cargo"
+chmod +x "$versioned/cargo"
+for tool in cargo rustc; do ln -sf "$(rustc --print sysroot)/bin/$tool" "$versioned/$tool-1.89"; done
+(
+    set +u
+    . install/local_setup.sh
+    env -u CARGO_HOME HOME=/nonexistent PATH="$versioned:/usr/bin:/bin" cmake -S "$tree/wrapyfi_bridge" \
+        -B "$workspace/untested/versioned" -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}"
+) >>"$log" 2>&1 || fail "wrapyfi_bridge does not configure with cargo-1.89"
+commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/versioned/CMakeFiles")
+[[ $commands == *RUSTC=rustc-1.89*cargo-1.89\ build* ]] || fail "cargo-1.89 and rustc-1.89 are there and not used: $commands"
+
 step="what is compiled where an rmw is sourced"
 sourced=$workspace/sourced
 mkdir -p "$sourced"/{include/rmw/rmw,lib}
