@@ -11,7 +11,8 @@
 # make fmt     formats the sources
 # make lint    lints only
 # make package-deb, make package-wheel   what others install without a compiler, in target/package
-# make sbom    bill of materials, target/wrapyfi.spdx.json
+# make release  packages, sources, crates, bill of materials and checksums, in target/package/release: docs/releasing.md
+# make version TO=0.2.0   writes the version where it stands
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
 # make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
 # make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
@@ -21,8 +22,8 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo build package-deb package-wheel check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-asan test-frameworks test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
+.PHONY: demo build package-crates package-deb package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: test-asan test-frameworks test-publish test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -51,7 +52,7 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: test-oldest test-semver test-features test-seeds test-churn test-release test-asan test-packages fuzz
+nightly: test-oldest test-semver test-features test-seeds test-churn test-release test-asan test-packages test-publish fuzz
 
 # CycloneDDS, and the Rust around it, under AddressSanitizer; see the script for where its artefacts lie.
 test-asan: | target/COLCON_IGNORE
@@ -86,6 +87,7 @@ lint: | target/COLCON_IGNORE
 	@$(PYTHON3) scripts/circles.py
 	@$(PYTHON3) scripts/causes.py
 	@$(MAKE) deny
+	@$(PYTHON3) scripts/licences.py
 
 # Licences, sources and doubled crates of all dependencies against deny.toml. Compiled without optimisation where it is
 # not installed: under two minutes, once; the check itself takes three seconds. It reads the crates of every platform in Cargo.lock,
@@ -96,13 +98,6 @@ deny:
 		CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug cargo-deny@$(CARGO_DENY_VERSION); }
 	@$(CARGO) fetch --locked
 	@cargo deny --offline --log-level error check licenses bans sources
-
-# All crates of the workspace's programs with version, source and licence, as SPDX. What the system gives (libzmq,
-# libturbojpeg) is not in it; CycloneDDS is, as part of the crate cyclors.
-sbom: | target/COLCON_IGNORE
-	@command -v cargo-sbom >/dev/null || cargo install --locked cargo-sbom --target-dir target/cargo-sbom
-	@cargo sbom --output-format spdx_json_2_3 >target/wrapyfi.spdx.json
-	@echo "target/wrapyfi.spdx.json"
 
 # What Cargo.toml promises as `rust-version`; its artefacts lie apart, so that the next build is not one from nothing.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
@@ -175,7 +170,7 @@ test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
 		cargo nextest run --locked --package wrapyfi_e2e frameworks::
 
-package-deb package-wheel: package-%: setup-build | target/COLCON_IGNORE
+package-crates package-deb package-wheel: package-%: setup-build | target/COLCON_IGNORE
 	@packaging/$*/build.sh
 
 # In a new Debian 12 each, as root; a skip that says why where none can be made.
@@ -183,6 +178,21 @@ test-packages: package-deb package-wheel
 	@packaging/test.sh deb target/package/wrapyfi_*.deb
 	@packaging/test.sh container target/package/wrapyfi_*.deb
 	@packaging/test.sh wheel target/package/wrapyfi_ros2-*.whl
+
+# What crates.io would be given, compiled crate by crate, and installed as from there.
+test-publish: package-crates
+	@CARGO_TARGET_DIR=target/publish $(CARGO) publish --workspace --dry-run --locked --allow-dirty
+	@packaging/crates/test.sh
+
+release: setup-build | target/COLCON_IGNORE
+	@packaging/release.sh
+
+# Cargo.toml has it for the crates, the program, the Debian package and the wheel; colcon reads package.xml alone.
+version:
+	@[[ "$(TO)" =~ ^[0-9]+\.[0-9]+\.[0-9]+$$ ]] || { echo "make version: say which, for instance TO=0.2.0" >&2; exit 1; }
+	@sed -i -E 's/^((version|wrapyfi_[a-z0-9_]+) = (.*version = )?)"[0-9.]+"/\1"$(TO)"/' Cargo.toml
+	@sed -i -E 's:<version>.*</version>:<version>$(TO)</version>:' wrapyfi*/package.xml
+	@$(CARGO) update --workspace --offline
 
 # Of the ROS 2 that is sourced, else of the newest in /opt/ros; a counted skip where there is none.
 test-rmw: setup-test | target/COLCON_IGNORE

@@ -71,6 +71,7 @@ deb() {
     done
     inside wrapyfi check /usr/share/wrapyfi/config/example.yaml >/dev/null || fail "the installed example has faults"
     inside gzip --test /usr/share/man/man1/wrapyfi-demo.1.gz || fail "a manual page is broken"
+    inside gzip --test /usr/share/doc/wrapyfi/licenses-of-crates.txt.gz || fail "the licences of the crates are missing"
     inside bash -c '. /usr/share/bash-completion/completions/wrapyfi && complete -p wrapyfi' >/dev/null || fail "bash completes nothing"
     if command -v systemd-analyze >/dev/null; then
         # With a program that this system has.

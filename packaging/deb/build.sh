@@ -3,6 +3,8 @@
 # PROFILE=dev packs the development build: quick, to try a change of what is packed.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
+# shellcheck source=packaging/environment.sh
+. packaging/environment.sh
 
 CARGO_DEB_VERSION=3.8.0
 profile=${PROFILE:-dist}
@@ -27,6 +29,8 @@ gzip -9n "$made"/man1/*.1
 "$program" completions bash >"$made/completions/wrapyfi"
 "$program" completions zsh >"$made/completions/_wrapyfi"
 "$program" completions fish >"$made/completions/wrapyfi.fish"
+scripts/licences.py --texts "$made/licenses-of-crates.txt"
+gzip -9n "$made/licenses-of-crates.txt"
 # The program is the node by whose name it is started. `bridge` is not on PATH, where iproute2 has one.
 for node in bridge ros1_bridge yarp_bridge zeromq_bridge; do
     ln -s ../../bin/wrapyfi "$made/nodes/$node"

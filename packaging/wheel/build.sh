@@ -3,6 +3,8 @@
 # The system's libzmq and libjpeg-turbo, what these need, and the licences of all of them are inside.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
+# shellcheck source=packaging/environment.sh
+. packaging/environment.sh
 
 MATURIN_VERSION=1.16.0
 tools=$PWD/target/package/tools staged=target/package/wheel
@@ -15,6 +17,7 @@ cargo --quiet build --profile dist --locked --package wrapyfi_bridge
 rm -rf "$staged" target/package/wrapyfi_ros2-*.whl
 mkdir -p "$staged/licenses"
 cp packaging/wheel/{pyproject.toml,README.md} LICENSE-* THIRD_PARTY.md "$staged"
+scripts/licences.py --texts "$staged/licenses/licenses-of-crates.txt"
 ldd "${CARGO_TARGET_DIR:-target}/dist/wrapyfi" | awk '$3 ~ /^\// { print $3 }' | while read -r library; do
     package=$(dpkg -S "*/$(basename "$library")" | sed -n '1s/:.*//p')
     case $package in

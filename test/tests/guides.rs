@@ -66,6 +66,8 @@ fn install() -> Result {
     guide.pass_over("make package-wheel", BUILT)?;
     guide.pass_over("apt install", "`make test-packages` does it in a system of its own")?;
     guide.pass_over("systemctl", "it is for root, and for all of the machine")?;
+    guide.pass_over("cargo install --locked --path", BUILT)?;
+    guide.pass_over("--config 'target.", "`make test-publish` installs from the crates")?;
     guide.pass_over("docker", "`make test-packages` does the steps of the image")?;
     guide.is_done()
 }
@@ -74,7 +76,7 @@ fn install() -> Result {
 fn readme() -> Result {
     run("readme", SCRIPTS, |env| {
         let guide = Guide::read("README.md")?;
-        for mark in ["\nmake demo\n", "make build &&", "make package-deb"] {
+        for mark in ["\nmake demo\n", "make build &&", "pip install"] {
             guide.pass_over(mark.trim_start_matches('\n'), BUILT)?;
         }
         guide.pass_over("ROS_MASTER_URI", "`ros1` runs it")?;

@@ -1,0 +1,11 @@
+# Read by what builds packages: the same commit gives the same bytes, in whatever folder it is built.
+# shellcheck shell=bash
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y Cargo.toml)}
+export SOURCE_DATE_EPOCH
+# Paths of this machine are in no program. Not in a development build, where everything would be compiled again.
+if [ "${PROFILE:-dist}" = dist ]; then
+    remapped=("$PWD=wrapyfi" "$(realpath -m "${CARGO_TARGET_DIR:-target}")=wrapyfi/target" "${CARGO_HOME:-$HOME/.cargo}=cargo")
+    export RUSTFLAGS="${RUSTFLAGS:-} ${remapped[*]/#/--remap-path-prefix=}"
+    export CFLAGS="${CFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"
+    export CXXFLAGS="${CXXFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"
+fi
