@@ -120,6 +120,7 @@ pub fn run(
     level: LevelFilter,
 ) -> Result<()> {
     let default_name = bridge.map_or(DEFAULT_NAME, MiddlewareBridge::node);
+    wrapyfi_endpoint::start_small();
     // First: what follows may take its time.
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let options = NodeOptions::resolve(default_name, "/", &ros).map_err(Failure::usage)?;

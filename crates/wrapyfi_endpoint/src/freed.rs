@@ -1,17 +1,20 @@
-//! Memory goes back to the system once much of what waited in this process is gone.
+//! Memory goes back to the system once much of what waited in this process is gone, and once its start is over.
 //!
 //! ```text
 //!   bytes that wait:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
+//!   the start:        large buffers mapped one by one ──▶ three seconds later: kept for the next, as glibc does it
 //! ```
 //!
 //! glibc keeps what was freed in small pieces for what may come next: a hundred thousand subscriptions that one peer had
 //! and has no more would be memory of this process for as long as it lives.
 //!
 //! Contract of the unsafe code here: `malloc_trim` takes a number and no pointer, may be called by any thread at any time,
-//! and gives back pages that no allocation holds.
+//! and gives back pages that no allocation holds. `mallopt` takes two numbers; of those that are set here every `free` of a
+//! large buffer may set both, without a lock, so that any thread may.
 
 #![allow(unsafe_code, reason = "a call of glibc for which no crate has a safe one")]
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Mutex, WAITING};
@@ -21,13 +24,55 @@ const MUCH: usize = 16 << 20;
 /// Time for which less waits: what is gone for a moment comes back.
 const QUIET: Duration = Duration::from_secs(2);
 
-static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None });
+/// Time from the first look until a start is over.
+const START: Duration = Duration::from_secs(3);
 
-/// Looks how much waits in this process, and gives memory back where it was much more. Threads that run for as long as the
-/// program does call it about twice a second.
+static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None, start: Start::Waits });
+static STARTS_SMALL: AtomicBool = AtomicBool::new(false);
+
+/// Has every large buffer mapped alone and unmapped when it is freed, until [`give_memory_back`] finds that the start is over.
+///
+/// glibc stops doing so with the first that is freed. A start frees many that it takes for a moment, lists of network
+/// interfaces of 1 MiB each above all, whose pages would stay under what lives as long as the process.
+pub fn start_small() {
+    STARTS_SMALL.store(true, Ordering::Relaxed);
+    map_from(128 << 10, 128 << 10);
+}
+
+/// Looks how much waits in this process, and gives memory back where it was much more, or where the start is over. Threads that
+/// run for as long as the program does call it about twice a second.
 pub fn give_memory_back(now: Instant) {
-    if LOOKS.try_lock().is_some_and(|mut looks| looks.has_fallen(WAITING.used(), now)) {
+    let Some(mut looks) = LOOKS.try_lock() else { return };
+    let started = looks.start.is_over(now);
+    if started && STARTS_SMALL.load(Ordering::Relaxed) {
+        // The most that glibc would come to by itself: a picture in the heap costs no page fault a page.
+        map_from(32 << 20, 16 << 20);
+    }
+    if looks.has_fallen(WAITING.used(), now) || started {
         trim();
+    }
+}
+
+/// The start of this process, from the first look.
+#[derive(Debug)]
+enum Start {
+    Waits,
+    Runs(Instant),
+    Over,
+}
+
+impl Start {
+    /// True once.
+    fn is_over(&mut self, now: Instant) -> bool {
+        match *self {
+            Self::Waits => *self = Self::Runs(now),
+            Self::Runs(since) if now.saturating_duration_since(since) >= START => {
+                *self = Self::Over;
+                return true;
+            }
+            Self::Runs(_) | Self::Over => {}
+        }
+        false
     }
 }
 
@@ -37,6 +82,7 @@ struct Looks {
     most: usize,
     /// Time since when it is less than a quarter of that.
     less_since: Option<Instant>,
+    start: Start,
 }
 
 impl Looks {
@@ -67,13 +113,26 @@ fn trim() {
 #[cfg(not(target_env = "gnu"))]
 fn trim() {}
 
+/// Buffers of so many bytes are mapped alone; of what is free at the end of a heap so many bytes stay.
+#[cfg(target_env = "gnu")]
+fn map_from(bytes: libc::c_int, kept: libc::c_int) {
+    // SAFETY: as the module says.
+    let set = unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, bytes) & libc::mallopt(libc::M_TRIM_THRESHOLD, kept)
+    };
+    tracing::debug!(set, bytes, kept, "large buffers");
+}
+
+#[cfg(not(target_env = "gnu"))]
+fn map_from(_bytes: i32, _kept: i32) {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn it_goes_back_once_when_much_is_gone_for_good() {
-        let mut looks = Looks { most: 0, less_since: None };
+        let mut looks = Looks { most: 0, less_since: None, start: Start::Over };
         let begin = Instant::now();
         let mut at =
             |used: usize, ms: u64| looks.has_fallen(used, begin + Duration::from_millis(ms));
@@ -84,6 +143,34 @@ mod tests {
         assert!(at(0, 4000));
         assert!(!at(0, 6000) && !at(0, 9000), "once");
         assert!(!at(MUCH / 2, 10_000) && !at(0, 11_000) && !at(0, 14_000), "little has waited");
+    }
+
+    #[test]
+    fn a_start_is_over_once() {
+        let mut start = Start::Waits;
+        let begin = Instant::now();
+        let mut at = |ms: u64| start.is_over(begin + Duration::from_millis(ms));
+        assert!(!at(0) && !at(2900));
+        assert!(at(3000));
+        assert!(!at(3500) && !at(9000));
+    }
+
+    #[cfg(target_env = "gnu")]
+    #[test]
+    fn a_small_start_keeps_no_page_of_large_buffers() {
+        let dirty = || {
+            let maps = std::fs::read_to_string("/proc/self/smaps_rollup").unwrap();
+            let line = maps.lines().find(|line| line.starts_with("Private_Dirty:")).unwrap();
+            line.split_whitespace().nth(1).unwrap().parse::<usize>().unwrap()
+        };
+        start_small();
+        let before = dirty();
+        for _ in 0..4 {
+            drop(std::hint::black_box(vec![1_u8; 8 << 20]));
+        }
+        let lasting = std::hint::black_box(Vec::<u8>::with_capacity(6 << 20));
+        assert!(dirty() < before + 2048, "of {before} KiB");
+        drop(lasting);
     }
 
     #[cfg(target_env = "gnu")]
