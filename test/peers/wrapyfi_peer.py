@@ -38,11 +38,12 @@ parser.add_argument("--case", help="an object of another library, by its name in
 parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
 parser.add_argument("--cases", default="plugins", help="the module that has the case")
 parser.add_argument("--topic", required=True)
-parser.add_argument("--mware", default="zeromq", choices=["zeromq", "ros"])
+parser.add_argument("--mware", default="zeromq", choices=["zeromq", "ros", "ros2", "yarp"])
 parser.add_argument("--pub-port", type=int, default=0, help="XPUB side of the broker: listeners")
 parser.add_argument("--sub-port", type=int, default=0, help="XSUB side of the broker: publishers")
 parser.add_argument("--rep-port", type=int, default=0, help="ROUTER side of the broker: clients")
 parser.add_argument("--req-port", type=int, default=0, help="DEALER side of the broker: servers")
+parser.add_argument("--number", action="store_true", help="calls have their number as argument, not the payload")
 parser.add_argument("--fails", action="store_true", help="calls must raise")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
 parser.add_argument("--rate", type=float, default=20.0)
@@ -158,7 +159,7 @@ def main():
     while not leaving.is_set() and (args.count == 0 or index < args.count):
         if args.role == "request":
             try:
-                (value,) = peer.exchange(make(index))
+                (value,) = peer.exchange(index if args.number else make(index))
             except Exception as error:
                 if not args.fails:
                     raise

@@ -44,6 +44,23 @@ pub(crate) fn chromium() -> Result<PathBuf> {
     found.context("there is no Chromium on the PATH: apt-get install chromium")
 }
 
+/// A folder below this one where Python finds the package `wrapyfi_rs`, as a wheel has it.
+pub(crate) fn python_package(folder: &Path) -> Result<PathBuf> {
+    let (all, sources) = (folder.join("python"), repository().join("wrapyfi_rs/python/wrapyfi_rs"));
+    let package = all.join("wrapyfi_rs");
+    if package.exists() {
+        return Ok(all);
+    }
+    std::fs::create_dir_all(&package)?;
+    let library = built("libwrapyfi_python.so", "WRAPYFI_PYTHON_LIBRARY")?;
+    std::os::unix::fs::symlink(library, package.join("_native.abi3.so"))?;
+    for entry in std::fs::read_dir(&sources)? {
+        let entry = entry?;
+        std::os::unix::fs::symlink(entry.path(), package.join(entry.file_name()))?;
+    }
+    Ok(all)
+}
+
 fn built(name: &str, variable: &str) -> Result<PathBuf> {
     let path = match std::env::var_os(variable) {
         Some(path) => PathBuf::from(path),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
+use std::hash::{Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -274,6 +275,36 @@ impl TestEnv {
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
         self.start(script, self.peer_command(script, args)?)
+    }
+
+    /// As [`TestEnv::peer`], with the package `wrapyfi_rs` in place of Wrapyfi.
+    pub fn our_peer(&self, script: &str, args: &str) -> Result<Process> {
+        let file = repository().join("test/peers").join(script).display().to_string();
+        let mut command = self.our_python(&format!("-m wrapyfi_rs {file} {args}"))?;
+        self.cross_ports(&mut command, args);
+        self.start(script, command)
+    }
+
+    /// Runs a module with the package `wrapyfi_rs` in place of Wrapyfi; `args` are split at blanks.
+    pub fn our_module(&self, module: &str, args: &str) -> Result<Process> {
+        let mut command = self.our_python(&format!("-m wrapyfi_rs -m {module} {args}"))?;
+        self.cross_ports(&mut command, args);
+        self.start(module, command)
+    }
+
+    /// Starts a script of this text with the package `wrapyfi_rs`; `args` are split at blanks.
+    pub fn our_script(&self, text: &str, args: &str) -> Result<Process> {
+        let file = self.write(&format!("script_{:x}.py", hash(text)), text)?;
+        let mut command = self.our_python(&format!("{} {args}", file.display()))?;
+        self.cross_ports(&mut command, &format!("--mode {args}"));
+        self.start("script.py", command)
+    }
+
+    fn our_python(&self, args: &str) -> Result<Command> {
+        let mut command = self.command(&programs::python()?, args.split_whitespace());
+        command.env("PYTHONPATH", programs::python_package(self.folder.path())?);
+        command.env("PYTHONUNBUFFERED", "1");
+        Ok(command)
     }
 
     pub(crate) fn peer_command(&self, script: &str, args: &str) -> Result<Command> {
@@ -558,6 +589,12 @@ impl TestEnv {
         command.envs(&*self.variables());
         command
     }
+}
+
+fn hash(text: &str) -> u64 {
+    let mut hasher = std::hash::DefaultHasher::new();
+    text.hash(&mut hasher);
+    hasher.finish()
 }
 
 /// The middleware of ROS 2 of programs that name none: `WRAPYFI_TEST_RMW`, else CycloneDDS.

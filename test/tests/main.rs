@@ -37,6 +37,7 @@ mod patterns;
 mod peers;
 mod plugins;
 mod properties;
+mod python_package;
 mod qos;
 mod real_ros2;
 mod real_wrapyfi;

@@ -106,14 +106,27 @@ impl Session {
         arguments: Vec<NamedArgument>,
         feedback: Option<&Feedback>,
     ) -> Result<GatheredMessages, MethodError> {
+        let request = self.request(arguments)?;
+        self.call(in_task, &request, feedback).await
+    }
+
+    /// As [`Session::ask`], with arguments in a request.
+    ///
+    /// # Errors
+    /// When a reply does not come.
+    pub async fn call(
+        &self,
+        in_task: bool,
+        request: &Request,
+        feedback: Option<&Feedback>,
+    ) -> Result<GatheredMessages, MethodError> {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
-        let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
             // Begun first, so that the end of a call that a server has heard of is not missed.
             let mut wait = self.begin_wait(None);
-            let mut call = match self.begin(client, &request, feedback) {
+            let mut call = match self.begin(client, request, feedback) {
                 Err(_) if client.common.is_given_up() => continue,
                 begun => begun?,
             };

@@ -12,6 +12,7 @@ use std::sync::{Arc, OnceLock, Weak};
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
+use super::wait::IsInterrupted;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{MessageTypeError, RosAction, RosType};
 use wrapyfi_endpoint::method::{EndpointNeeds, Source};
@@ -47,6 +48,7 @@ struct ContextState {
     configuration: Mutex<Configuration>,
     /// Number of instances made so far, by class.
     instances: Mutex<BTreeMap<&'static str, usize>>,
+    is_interrupted: Option<IsInterrupted>,
     live: Mutex<Weak<Live>>,
 }
 
@@ -88,6 +90,7 @@ impl CommunicatorContext {
             plugins: wrapyfi_plugins::standard(),
             types: None,
             configuration: Configuration::default(),
+            is_interrupted: None,
         }
     }
 
@@ -141,6 +144,10 @@ impl CommunicatorContext {
             None if builtin::KNOWN.contains(&name) => Found::Absent,
             None => Found::Unknown,
         }
+    }
+
+    pub(super) fn is_interrupted(&self) -> Option<IsInterrupted> {
+        self.0.is_interrupted
     }
 
     pub(super) fn configuration(&self) -> Configuration {
@@ -233,6 +240,7 @@ pub struct ContextBuilder {
     plugins: Plugins,
     types: Option<TypeStore>,
     configuration: Configuration,
+    is_interrupted: Option<IsInterrupted>,
 }
 
 impl ContextBuilder {
@@ -304,6 +312,15 @@ impl ContextBuilder {
         self
     }
 
+    /// Sets what a waiting thread asks, twenty times a second, whether its wait is over: it then ends with
+    /// [`MethodError::Cancelled`](super::MethodError::Cancelled).
+    #[must_use]
+    #[doc(hidden)]
+    pub fn interrupted_by(mut self, is_interrupted: IsInterrupted) -> Self {
+        self.is_interrupted = Some(is_interrupted);
+        self
+    }
+
     /// Makes the context.
     #[must_use]
     pub fn build(self) -> CommunicatorContext {
@@ -323,6 +340,7 @@ impl ContextBuilder {
             ),
             configuration: Mutex::new(self.configuration),
             instances: Mutex::default(),
+            is_interrupted: self.is_interrupted,
             live: Mutex::default(),
         }))
     }

@@ -60,6 +60,7 @@
 //! | --- | --- |
 //! | `mode`, `describe` | roles; the macro's description of a type |
 //! | `resolve`, `option`, `rules` | `$`, options, their checks of images and sound |
+//! | `described` | methods that a front end in another language describes while it runs |
 //! | `instance`, `opening`, `session` | modes of one instance; its endpoints |
 //! | `listener`, `publisher` | the listener of one value, its publisher |
 //! | `client`, `server` | the client of one value, its server |
@@ -74,6 +75,7 @@ mod config;
 mod config_file;
 mod context;
 mod describe;
+mod described;
 mod end;
 mod error;
 mod feedback;
@@ -113,12 +115,14 @@ pub use {wrapyfi_data::returned::PayloadError, wrapyfi_data::types::DataType};
 pub use {
     client::NamedArgument,
     describe::{Class, MethodSpec, NamesMethod, Register},
+    described::OpenMethod,
     instance::{Instance, RunningCall},
     mode::{NamesMode, NamesOneMode},
     notifier::at_once,
-    resolve::{Given, argument},
+    resolve::{Given, Resolved, argument},
     server::ReceivedRequest,
     session::{GatheredMessages, Session},
+    wait::IsInterrupted,
     wrapyfi_data::returned::{Returned, kind},
     wrapyfi_endpoint::Planned,
     wrapyfi_endpoint::method::{EndpointNeeds, Literal, OptionError, OptionValue, Options, Source},

@@ -4,6 +4,7 @@ use std::future::Future;
 use std::pin::Pin;
 use std::sync::mpsc;
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 use wrapyfi_endpoint::Wake;
 
@@ -46,6 +47,16 @@ impl<T> Receiver<T> {
     pub(super) fn recv(self) -> Option<T> {
         self.value.recv().ok()
     }
+
+    /// As [`Receiver::recv`], asking `is_over` meanwhile, whose yes ends the wait.
+    pub(super) fn recv_until(self, every: Duration, is_over: impl Fn() -> bool) -> Option<T> {
+        loop {
+            match self.value.recv_timeout(every) {
+                Err(mpsc::RecvTimeoutError::Timeout) if !is_over() => {}
+                received => return received.ok(),
+            }
+        }
+    }
 }
 
 impl<T> Future for Receiver<T> {
@@ -74,5 +85,8 @@ mod tests {
         let (sender, receiver) = channel::<u8>();
         drop(sender);
         assert_eq!(receiver.recv(), None);
+        let (sender, receiver) = channel::<u8>();
+        assert_eq!(receiver.recv_until(Duration::from_millis(1), || true), None);
+        drop(sender);
     }
 }

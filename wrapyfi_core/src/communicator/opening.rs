@@ -84,7 +84,7 @@ impl Opening<'_> {
         Ok(Session {
             channels: channels.collect::<Result<_, _>>()?,
             method: self.method.clone(),
-            stop: Stop::default(),
+            stop: Stop::new(self.context.is_interrupted()),
             live: Arc::downgrade(self.live),
         })
     }

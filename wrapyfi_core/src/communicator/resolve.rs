@@ -24,15 +24,19 @@ pub fn argument<T: serde::Serialize + ?Sized>(value: &T) -> Result<Value, TypedE
 
 /// A [`Register`] without `$`.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Resolved {
-    pub(super) data_type: DataType,
+pub struct Resolved {
+    /// Kind of the value.
+    pub data_type: DataType,
     /// Name of the middleware; `None` where an argument selects none.
-    pub(super) middleware: Option<String>,
-    pub(super) topic: String,
-    pub(super) ros_type: Option<&'static str>,
+    pub middleware: Option<String>,
+    /// Name of the topic.
+    pub topic: String,
+    /// ROS name of the returned type, where that is a generated message.
+    pub ros_type: Option<&'static str>,
     /// `None` for messages and functions; for an action, whether its body has feedback.
-    pub(super) action: Option<bool>,
-    options: Options,
+    pub action: Option<bool>,
+    /// Options of both sides.
+    pub options: Options,
 }
 
 impl Resolved {

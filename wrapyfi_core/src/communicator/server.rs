@@ -192,6 +192,11 @@ impl ReceivedRequest<'_> {
         }
     }
 
+    /// Takes the arguments as they came.
+    pub fn take_call(&mut self) -> Call {
+        std::mem::take(&mut self.call)
+    }
+
     fn given(&mut self, index: usize, name: &str) -> Option<types::Value> {
         let by_place = self.call.args.get_mut(index).map(std::mem::take);
         by_place.or_else(|| self.call.kwargs.get(name).cloned())

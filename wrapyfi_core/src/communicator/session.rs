@@ -197,6 +197,18 @@ impl Session {
         }
     }
 
+    /// True where no program hears the value at `index`, which then counts as not sent.
+    pub fn skips(&self, index: usize) -> bool {
+        let publisher = self.channels.get(index).and_then(|channel| channel.publisher.as_ref());
+        publisher.is_none_or(|publisher| {
+            let is_idle = publisher.is_idle();
+            if is_idle {
+                publisher.skip();
+            }
+            is_idle
+        })
+    }
+
     fn outgoing<K, R: Returned<K>>(
         &self,
         index: usize,
@@ -204,8 +216,7 @@ impl Session {
     ) -> Result<Option<(&Arc<PublisherEnd>, types::Payload)>, MethodError> {
         let publisher = self.channels.get(index).and_then(|channel| channel.publisher.as_ref());
         let Some(publisher) = publisher else { return Ok(None) };
-        if publisher.is_idle() {
-            publisher.skip();
+        if self.skips(index) {
             return Ok(None);
         }
         let unfit = |source| self.unfit(&publisher.common.endpoint, source);

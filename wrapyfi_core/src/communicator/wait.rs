@@ -30,14 +30,25 @@ pub(super) fn with_reason(what: String, link: Link) -> String {
     }
 }
 
+/// Longest time between two questions to what may interrupt a wait.
+pub(super) const ASK_EVERY: Duration = Duration::from_millis(50);
+
+/// Question whether something from outside, such as a signal, ends the waits of the thread that asks.
+pub type IsInterrupted = fn() -> bool;
+
 /// Switch that ends the waits of one method.
 #[derive(Debug, Default)]
 pub(super) struct Stop {
     ended: AtomicBool,
     cancels: AtomicU64,
+    is_interrupted: Option<IsInterrupted>,
 }
 
 impl Stop {
+    pub(super) fn new(is_interrupted: Option<IsInterrupted>) -> Self {
+        Self { is_interrupted, ..Self::default() }
+    }
+
     /// Ends all waits, now and later, because the method was closed or has another mode.
     pub(super) fn end(&self) {
         self.ended.store(true, SeqCst);
@@ -85,7 +96,9 @@ impl<'a> Wait<'a> {
         if self.stop.ended.load(SeqCst) {
             return Err(MethodError::Ended { method: method(), waited_for: waited_for() });
         }
-        if self.stop.cancels.load(SeqCst) != self.cancels {
+        let is_interrupted = self.stop.is_interrupted;
+        if self.stop.cancels.load(SeqCst) != self.cancels || is_interrupted.is_some_and(|ask| ask())
+        {
             return Err(MethodError::Cancelled { method: method(), waited_for: waited_for() });
         }
         let now = Instant::now();
@@ -105,7 +118,8 @@ impl<'a> Wait<'a> {
             self.say_at = now + SAY_EVERY;
         }
         let next = self.deadline.map_or(self.say_at, |deadline| deadline.min(self.say_at));
-        Ok(next.saturating_duration_since(now))
+        let next = next.saturating_duration_since(now);
+        Ok(if is_interrupted.is_some() { next.min(ASK_EVERY) } else { next })
     }
 }
 
@@ -128,5 +142,10 @@ mod tests {
         assert!(later.check(what).is_ok());
         stop.end();
         assert!(matches!(later.check(what), Err(MethodError::Ended { .. })));
+        let stop = Stop::new(Some(|| true));
+        let mut interrupted = Wait::new("A::b", &stop, None);
+        assert!(matches!(interrupted.check(what), Err(MethodError::Cancelled { .. })));
+        let stop = Stop::new(Some(|| false));
+        assert!(Wait::new("A::b", &stop, None).check(what).unwrap() <= ASK_EVERY);
     }
 }

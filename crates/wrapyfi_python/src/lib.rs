@@ -1,0 +1,58 @@
+//! The core of the Python package `wrapyfi_rs`: endpoints of methods, values to and from objects of Python.
+//!
+//! ```text
+//!   wrapyfi_rs (Python)   decorator, modes, $, configuration, plug-ins written in Python
+//!        │ open(method, mode, values) ─▶ Ends: listen, publish, call, serve
+//!   this crate            objects ⇄ values; the lock of the interpreter is free while a call waits or codes
+//!        │
+//!   wrapyfi_core          endpoints of the communicator
+//! ```
+
+mod ends;
+mod error;
+mod from_python;
+mod interrupt;
+mod numpy;
+mod to_python;
+
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use wrapyfi_core::communicator::CommunicatorContext;
+
+/// Context of this process; another one after a fork, because threads do not survive it.
+static CONTEXT: Mutex<Option<CommunicatorContext>> = Mutex::new(None);
+
+fn context() -> CommunicatorContext {
+    let mut context = CONTEXT.lock().unwrap_or_else(PoisonError::into_inner);
+    let made = || CommunicatorContext::builder().interrupted_by(interrupt::is_interrupted).build();
+    context.get_or_insert_with(made).clone()
+}
+
+/// Forgets the context of the parent process: its threads are not here, and would be waited for.
+#[pyfunction]
+fn forked() {
+    let mut context = CONTEXT.lock().unwrap_or_else(PoisonError::into_inner);
+    std::mem::forget(context.take());
+}
+
+/// Names of the middlewares that are built in.
+#[pyfunction]
+fn middlewares() -> Vec<String> {
+    context().middlewares()
+}
+
+/// Panics, for the test that a panic becomes an exception.
+#[pyfunction]
+fn panic_on_purpose(py: Python<'_>) -> PyResult<()> {
+    #[expect(clippy::panic, reason = "a test asks for it")]
+    error::detached(py, || panic!("on purpose"))
+}
+
+#[pymodule(gil_used = false)]
+mod _native {
+    #[pymodule_export]
+    use super::ends::{Ends, open};
+    #[pymodule_export]
+    use super::{forked, middlewares, panic_on_purpose};
+}

@@ -1,0 +1,26 @@
+"""Wrapyfi's decorator on a core in Rust: ZeroMQ, YARP, ROS 1 and ROS 2 after one ``pip install``.
+
+    from wrapyfi_rs.connect.wrapper import MiddlewareCommunicator
+
+    class Camera(MiddlewareCommunicator):
+        @MiddlewareCommunicator.register("Image", "ros2", "Camera", "/camera", width=640, height=480)
+        def frame(self):
+            return read_camera(),
+
+    camera = Camera()
+    camera.activate_communication("frame", mode="publish")
+
+A script that says ``import wrapyfi`` runs unchanged by ``python -m wrapyfi_rs script.py``.
+"""
+
+import os
+
+from . import _native
+from .utils.core_utils import Plugin, PluginRegistrar
+
+__version__ = "0.1.0"
+__all__ = ["Plugin", "PluginRegistrar"]
+
+os.register_at_fork(after_in_child=_native.forked)
+
+PluginRegistrar.scan()

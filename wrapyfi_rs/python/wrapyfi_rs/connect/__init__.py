@@ -1,0 +1,1 @@
+"""The decorator, in ``wrapper``, and what scripts ask of the ends that there are."""

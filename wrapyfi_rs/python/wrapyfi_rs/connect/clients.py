@@ -1,0 +1,13 @@
+"""The middlewares that have clients."""
+
+from .. import _native
+
+
+class Clients:
+    """Names of the middlewares; classes of other middlewares are written in Rust (``docs/not-here.md``)."""
+
+    mwares = set(_native.middlewares())
+
+    @staticmethod
+    def scan():
+        """Nothing to look for: the middlewares are built in."""
