@@ -89,7 +89,7 @@ fn a_service_route_is_checked_and_printed() -> Result {
         let mut good =
             check(Route::service("ros2:/a", "zeromq:/b", kind).with("timeout_ms", "900"))?;
         good.exits_with(0)?;
-        let line = format!("zeromq:/b -> ros2:/a  {kind}  within 900 ms");
+        let line = format!("zeromq:/b -> ros2:/a  service  {kind}  within 900 ms");
         assert!(good.stdout().contains(&line), "{}", good.stdout());
         for (key, value, words) in [
             ("qos", "sensor_data", "qos has no effect on a service"),

@@ -39,9 +39,9 @@ fn a_script_reads_one_table() -> Result {
         for node in [&[][..], &[NODE]] {
             let rows = rows(env, node)?;
             assert_eq!(rows.len(), 2, "{rows:?}");
-            assert_eq!(rows[0][..2], ["talk", "active"], "{rows:?}");
-            assert!(rows[0][2].parse::<f64>()? > 1.0, "messages a second: {rows:?}");
-            assert_eq!(rows[1][..3], ["waits", "waiting", "0.0"], "{rows:?}");
+            assert_eq!(rows[0][..3], ["talk", "topic", "active"], "{rows:?}");
+            assert!(rows[0][3].parse::<f64>()? > 1.0, "messages a second: {rows:?}");
+            assert_eq!(rows[1][..4], ["waits", "topic", "waiting", "0.0"], "{rows:?}");
         }
         let sorted = rows(env, &["--sort", "state", "--filter", "zeromq:"])?;
         assert_eq!(sorted[0][0], "waits", "{sorted:?}");

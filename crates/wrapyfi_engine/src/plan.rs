@@ -217,7 +217,7 @@ mod tests {
         assert_eq!(route.topic_spec(&route.from).color_order, Encoding::Rgb8);
         assert_eq!(
             route.to_string(),
-            "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz  \
+            "zeromq:/a -> ros2:/b  topic  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz  \
          encoding rgb8"
         );
         assert!(route.topic_spec(&route.to).match_peers);

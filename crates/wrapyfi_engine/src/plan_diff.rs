@@ -1,7 +1,7 @@
 //! Differences between two plans.
 //!
 //! ```text
-//!   + yarp:/cam -> ros2:/cam  sensor_msgs/msg/Image  queue 10 drop_oldest     a route that begins
+//!   + yarp:/cam -> ros2:/cam  topic  sensor_msgs/msg/Image  queue 10 …     a route that begins
 //!   - yarp:/old -> ros2:/old  …                                               one that ends
 //!   ~ yarp:/arm -> ros2:/arm  … queue 10 drop_oldest                          one that begins anew,
 //!     now  yarp:/arm -> ros2:/arm  … queue 50 drop_oldest                     with other settings

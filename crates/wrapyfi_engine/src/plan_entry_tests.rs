@@ -167,7 +167,9 @@ fn a_pattern_names_what_it_takes_and_where_that_goes() {
     assert!(pattern.policy.lazy && pattern.policy.queue.depth == 3);
     assert_eq!(pattern.max_routes(), MAX_PATTERN_ROUTES);
     let shown = pattern.to_string();
-    assert!(shown.starts_with("ros:/(.*) -> ros2:/ros1/$1  type learned  allow camera/.* /map"));
+    assert!(
+        shown.starts_with("ros:/(.*) -> ros2:/ros1/$1  topic  type learned  allow camera/.* /map")
+    );
 }
 
 #[test]
@@ -186,7 +188,7 @@ fn one_topic_without_a_type_is_no_pattern_and_not_lazy() {
     assert_eq!(target(&route, "/chatter").as_deref(), Some("ros2:/chatter"));
     assert_eq!(target(&route, "/chatter2"), None);
     assert!(!route.policy.lazy);
-    assert_eq!(route.to_string(), "ros:/chatter -> ros2:/chatter  type learned");
+    assert_eq!(route.to_string(), "ros:/chatter -> ros2:/chatter  topic  type learned");
 }
 
 #[test]
@@ -278,11 +280,11 @@ fn an_action_goes_where_there_are_actions_and_comes_from_functions_too() {
         plan.map(|plan| plan.routes[0].to_string()).map_err(|error| error.to_string())
     };
     let learned = read("action: 'ros:/move_base', as: 'ros2:/move_base'").unwrap();
-    assert_eq!(learned, "ros2:/move_base -> ros:/move_base  type learned");
+    assert_eq!(learned, "ros2:/move_base -> ros:/move_base  action  type learned");
     assert!(read("action: 'ros:/(.*)', as: 'ros2:/$1'").is_ok());
     let given = "type: demo/action/Count";
     let function = read(&format!("action: 'zeromq:/count', as: 'ros2:/count', {given}")).unwrap();
-    assert_eq!(function, "ros2:/count -> zeromq:/count  demo/action/Count");
+    assert_eq!(function, "ros2:/count -> zeromq:/count  action  demo/action/Count");
     let options = "options: { feedback: /progress, poll_ms: 50 }";
     assert!(read(&format!("action: 'zeromq:/a', as: 'ros2:/a', {given}, {options}")).is_ok());
     let until = "options: { poll: state, until: done }";

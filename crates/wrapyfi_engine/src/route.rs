@@ -48,7 +48,7 @@ pub struct RouteKey {
 /// use wrapyfi_core::types::MessageType;
 /// let route = Route::topic("zeromq:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
 /// assert_eq!((route.from.middleware.as_str(), route.to.middleware.as_str()), ("zeromq", "ros2"));
-/// assert!(route.to_string().starts_with("zeromq:/camera -> ros2:/camera  sensor_msgs/msg/Image"));
+/// assert!(route.to_string().starts_with("zeromq:/camera -> ros2:/camera  topic  sensor_msgs/msg/Image"));
 /// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +103,7 @@ impl RouteTypes {
         match self {
             Self::Topic(types) => types.to.label(),
             Self::Service(kind) => kind.ros_type(),
-            Self::Action(kind) => kind.map_or("an action", RosAction::name),
+            Self::Action(kind) => kind.map_or("unknown", RosAction::name),
         }
     }
 }

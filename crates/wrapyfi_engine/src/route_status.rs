@@ -105,7 +105,7 @@ pub struct RouteStatus {
     pub from: String,
     /// Destination address.
     pub to: String,
-    /// Interaction that the route carries, in its word: `topic` or `service`.
+    /// Interaction that the route carries, in its word: `topic`, `service` or `action`.
     #[serde(rename = "kind")]
     pub interaction: Interaction,
     /// ROS name of the type that the route carries.

@@ -40,7 +40,7 @@ impl Route {
 impl fmt::Display for Route {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { types, typing, policy, .. } = self;
-        write!(f, "{}  ", self.ends())?;
+        write!(f, "{}  {}  ", self.ends(), self.interaction())?;
         match (typing, types) {
             (Typing::Learned | Typing::LearnedIfTold, _) => f.write_str("type learned")?,
             (_, RouteTypes::Topic(types)) if types.from != types.to => {

@@ -70,7 +70,7 @@ function patternWords({ pattern }) {
 function meant(route) {
   if (only && route.state !== only) return false;
   const words = $("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
-  const text = `${route.name} ${route.from} ${route.to} ${route.type} ${SIDES[route.ends.from.side] || ""} ${SIDES[route.ends.to.side] || ""}`.toLowerCase();
+  const text = `${route.name} ${route.from} ${route.to} ${route.kind} ${route.type} ${SIDES[route.ends.from.side] || ""} ${SIDES[route.ends.to.side] || ""}`.toLowerCase();
   return words.every((word) => text.includes(word));
 }
 
@@ -297,7 +297,7 @@ const rank = (route) => (/Image/.test(route.type) ? 0 : /Audio|Sound/.test(route
 function live() {
   // Those that are shown stay where they are; others take the places that are free.
   const shown = new Set(tiles.keys());
-  const worth = routes.filter((route) => !isPattern(route) && meant(route) && !/\/(srv|action)\//.test(route.type) && (route.messages_per_s > 0 || shown.has(route.id)));
+  const worth = routes.filter((route) => !isPattern(route) && meant(route) && route.kind === "topic" && (route.messages_per_s > 0 || shown.has(route.id)));
   const wanted = [...worth].sort((a, b) => rank(a) - rank(b) || shown.has(b.id) - shown.has(a.id)).slice(0, TILES);
   const keep = new Set(wanted.map((route) => route.id));
   for (const [id, tile] of tiles) if (!keep.has(id)) { watch.unobserve(tile.box); tile.box.remove(); tiles.delete(id); }
@@ -323,7 +323,7 @@ function show(box, route) {
   if (box.shown === preview && box.firstChild) return;
   box.shown = preview;
   if (!preview) {
-    box.replaceChildren(make("p", { class: "none" }, route.type.includes("/srv/") ? "calls of a service are not shown" : "no message since the page looks"));
+    box.replaceChildren(make("p", { class: "none" }, "no message since the page looks"));
   } else if (preview.kind === "image") {
     let image = box.querySelector("img");
     if (!image) { image = make("img", { alt: "" }); box.replaceChildren(image); }
@@ -402,7 +402,7 @@ function table() {
     const counters = route.counters, flows = counters.sent > 0;
     set(line.row, "class", `${side(route)} ${route.state}${chosen === route.id ? " is" : ""}`);
     const both = `${route.from} → ${route.to}`;
-    say(line.ends, both === route.name ? shortType(route.type) : `${both} · ${shortType(route.type)}`);
+    say(line.ends, both === route.name ? carries(route) : `${both} · ${carries(route)}`);
     say(line.reason, isPattern(route) ? patternWords(route) : route.state === "active" ? "" : sentence(route));
     line.reason.title = line.reason.textContent;
     const [curve, area] = spark(route.history, 96, 24);
@@ -414,7 +414,7 @@ function table() {
     if (body.children[at] !== line.row) body.insertBefore(line.row, body.children[at] || null);
   });
 }
-const shortType = (type) => type.replace(/\/(msg|srv)\//, "/");
+const carries = ({ kind, type }) => `${kind} ${type.replace(/\/(msg|srv|action)\//, "/")}`;
 
 // ---- the chosen route ----
 let opened = null, panel = {};
@@ -440,7 +440,7 @@ function detail() {
       make("div", { class: "part" }, panel.peak, history), make("div", { class: "part" }, panel.facts));
   }
   set(box, "class", `${side(route)} ${route.state}`);
-  panel.show.hidden = isPattern(route) || route.type.includes("/srv/");
+  panel.show.hidden = isPattern(route) || route.kind !== "topic";
   show(panel.show, route);
   say(panel.state, isPattern(route) ? patternWords(route) : sentence(route));
   if (panel.why !== route.why) { panel.why = route.why; diagnosis(panel.told, route.why); }
@@ -448,7 +448,7 @@ function detail() {
   set(panel.path, "d", curve);
   set(panel.area, "d", area);
   say(panel.peak, `messages a second, at most ${hz(Math.max(...route.history.map(([rate]) => rate)))} in two minutes`);
-  const { counters } = route, facts = [["type", shortType(route.type)], ...(route.cause ? [["cause", route.cause.replaceAll("_", " ")]] : []), ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
+  const { counters } = route, facts = [["carries", carries(route)], ...(route.cause ? [["cause", route.cause.replaceAll("_", " ")]] : []), ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
     ["received", `${number(counters.received)}, ${bytes(counters.received_bytes)}`], ["sent", `${number(counters.sent)}, ${bytes(counters.sent_bytes)}`], ["queued", number(route.queued)],
     ...Object.entries(counters.goals ?? {}).map(([event, count]) => [`goals ${event.replaceAll("_", " ")}`, number(count)]),
     ...Object.entries(counters.drops).map(([reason, count]) => [`dropped: ${reason.replaceAll("_", " ")}`, number(count)]),

@@ -62,6 +62,7 @@ impl Row {
         let ms = |us: u64| format!("{:.2}", us as f64 / 1e3);
         [
             self.info.key.clone(),
+            self.info.kind.clone(),
             self.info.state.clone(),
             format!("{:.1}", self.info.messages_per_s),
             format!("{:.2}", self.info.bytes_per_s as f64 / 1e6),
@@ -104,11 +105,11 @@ fn counted(words: &[String], counts: &[u64]) -> String {
 }
 
 /// Headings of the table.
-pub const COLUMNS: [&str; 8] =
-    ["route", "state", "msg/s", "MB/s", "p50 ms", "p99 ms", "queued", "dropped"];
+pub const COLUMNS: [&str; 9] =
+    ["route", "kind", "state", "msg/s", "MB/s", "p50 ms", "p99 ms", "queued", "dropped"];
 
 /// Number of columns of text, at the left; the others are numbers.
-pub const TEXTS: usize = 2;
+pub const TEXTS: usize = 3;
 
 /// Routes of one bridge.
 #[derive(Debug, Default)]
@@ -117,7 +118,7 @@ pub struct Routes {
     rows: BTreeMap<(String, String), Row>,
     /// Column by which they are sorted.
     pub sort: Sort,
-    /// Text that names, ends or types of the shown routes contain, whatever their case.
+    /// Text that names, kinds, ends or types of the shown routes contain, whatever their case.
     pub filter: String,
 }
 
@@ -133,6 +134,7 @@ impl Routes {
         for mut info in routes {
             for text in [
                 &mut info.key,
+                &mut info.kind,
                 &mut info.source,
                 &mut info.destination,
                 &mut info.type_name,
@@ -165,7 +167,9 @@ impl Routes {
         let has = |text: &String| text.to_lowercase().contains(&wanted);
         let mut rows: Vec<_> = self.rows.values().collect();
         rows.retain(|Row { info, .. }| {
-            [&info.key, &info.source, &info.destination, &info.type_name].into_iter().any(has)
+            [&info.key, &info.kind, &info.source, &info.destination, &info.type_name]
+                .into_iter()
+                .any(has)
         });
         match self.sort {
             // As the map has them.
@@ -227,6 +231,7 @@ mod tests {
             key: key.to_owned(),
             source: format!("ros2:/{key}"),
             destination: format!("zeromq:/{key}"),
+            kind: "topic".to_owned(),
             state: state.to_owned(),
             messages_per_s: messages_per_s as f64,
             bytes_per_s: messages_per_s * 1000,
@@ -272,6 +277,7 @@ mod tests {
         let mut routes = Routes::default();
         let waits = RouteInfo { reason: "a publisher".to_owned(), ..info("b", "waiting", 0) };
         let loses = RouteInfo {
+            kind: "action".to_owned(),
             dropped: 5,
             drop_reasons: vec!["queue_full".to_owned(), "stalled".to_owned()],
             drop_counts: vec![2, 3],
@@ -281,12 +287,14 @@ mod tests {
         };
         routes.update(vec![waits, loses]);
         let wanted = "\
-route        state     msg/s  MB/s  p50 ms  p99 ms  queued  dropped
-b            waiting     0.0  0.00    0.00    0.00       0        0
+route        kind    state     msg/s  MB/s  p50 ms  p99 ms  queued  dropped
+b            topic   waiting     0.0  0.00    0.00    0.00       0        0
     a publisher
-left camera  degraded    7.0  0.01    0.12    2.50       0        5
+left camera  action  degraded    7.0  0.01    0.12    2.50       0        5
     queue_full 2, stalled 3";
         assert_eq!(routes.table(), wanted);
+        routes.filter = "action".to_owned();
+        assert_eq!(names(&routes), ["left camera"]);
     }
 
     #[test]

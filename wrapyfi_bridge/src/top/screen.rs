@@ -11,6 +11,8 @@ use ratatui::widgets::{Block, Cell, Paragraph, Row as Cells, Sparkline, Table, T
 
 use super::routes::{COLUMNS, Routes, Row, Sort, TEXTS};
 
+/// Width of the column of kinds.
+const KIND: u16 = 7;
 /// Width of a column of numbers.
 const NUMBER: u16 = 8;
 /// Rows by which a page moves.
@@ -128,7 +130,8 @@ impl Screen {
             Cells::new(cells).style(Style::new().fg(colour(&row.info.state)))
         });
         let widths = COLUMNS.iter().enumerate().map(|(place, _)| match place {
-            0 => Constraint::Min(20),
+            0 => Constraint::Min(16),
+            1 => Constraint::Length(KIND),
             _ => Constraint::Length(NUMBER),
         });
         Table::new(rows, widths)
@@ -159,12 +162,12 @@ impl Screen {
 fn column(sort: Sort) -> usize {
     match sort {
         Sort::Name => 0,
-        Sort::State => 1,
-        Sort::Rate => 2,
-        Sort::Bytes => 3,
-        Sort::Latency => 5,
-        Sort::Queued => 6,
-        Sort::Dropped => 7,
+        Sort::State => 2,
+        Sort::Rate => 3,
+        Sort::Bytes => 4,
+        Sort::Latency => 6,
+        Sort::Queued => 7,
+        Sort::Dropped => 8,
     }
 }
 
@@ -200,7 +203,10 @@ fn draw_detail(frame: &mut Frame<'_>, row: &Row, area: Rect) {
         goals => format!("  goals: {goals}"),
     };
     let lines = vec![
-        Line::from(format!("{} -> {}   {}", info.source, info.destination, info.type_name)),
+        Line::from(format!(
+            "{} -> {}   {} {}",
+            info.source, info.destination, info.kind, info.type_name
+        )),
         Line::from(format!("{}{reason}", info.state)),
         Line::from(format!(
             "received {}  sent {}  drops: {}{goals}",
@@ -232,6 +238,7 @@ mod tests {
             key: key.to_owned(),
             source: format!("ros2:/{key}"),
             destination: format!("zeromq:/{key}"),
+            kind: "topic".to_owned(),
             type_name: "std_msgs/msg/String".to_owned(),
             state: state.to_owned(),
             reason: if state == "active" { String::new() } else { "a broker".to_owned() },
@@ -265,7 +272,7 @@ mod tests {
         let text = drawn(&screen(), Duration::ZERO);
         assert!(text.starts_with("/bridge  2 routes, 1 active, 1 waiting"), "{text}");
         let camera = text.lines().find(|line| line.starts_with("camera")).unwrap();
-        assert!(camera.contains("active") && camera.contains("37.0"), "{text}");
+        assert!(camera.contains(" topic   active ") && camera.contains("37.0"), "{text}");
         assert!(!text.contains("silent"), "{text}");
     }
 
@@ -274,7 +281,7 @@ mod tests {
         let mut screen = screen();
         assert!(!press(&mut screen, &[KeyCode::Down, KeyCode::Enter]));
         let text = drawn(&screen, Duration::ZERO);
-        assert!(text.contains("ros2:/mic -> zeromq:/mic   std_msgs/msg/String"), "{text}");
+        assert!(text.contains("ros2:/mic -> zeromq:/mic   topic std_msgs/msg/String"), "{text}");
         assert!(text.contains("waiting: a broker") && text.contains("drops: none"), "{text}");
         press(&mut screen, &[KeyCode::Up]);
         let text = drawn(&screen, Duration::ZERO);
