@@ -364,6 +364,30 @@ fn call(env: &TestEnv, service: &str, kind: &str, value: &str) -> Result<Process
     env.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))
 }
 
+/// Its routes are its own, and have the options that a parameter gives them.
+#[test]
+fn services_that_it_finds_have_events_where_they_are_wished() -> Result {
+    run("services_that_it_finds_have_events_where_they_are_wished", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let set = env.topic("set");
+        let _setter = env.rospy(&format!("serve --topic {set} --node setter"), None)?;
+        let bridge = bridge(env, &["-p", "options:=[introspection=contents]"])?;
+        let events = ros2(&format!("{set}/_service_event"));
+        let echo = ["echo", &events, "--type", "std_srvs/srv/SetBool_Event", "--json"];
+        let echo = env.wrapyfi(echo)?;
+        // Events are not kept: those before the echo has found the bridge are lost.
+        loop {
+            let asked = call(env, &set, "std_srvs/srv/SetBool", r#"{"data": true}"#)?;
+            asked.objects(1).map_err(|error| error.context(bridge.tail()))?;
+            let answer =
+                |event: serde_json::Value| event["value"]["response"][0]["message"] == "so be it";
+            if echo.wait_until("events", |output| Some(output.objects().any(answer)))? {
+                return Ok(());
+            }
+        }
+    })
+}
+
 #[test]
 fn services_that_fail_or_are_named_as_those_of_nodes_are_carried() -> Result {
     run("services_that_fail_or_are_named_as_those_of_nodes_are_carried", NEEDS, |env| {

@@ -6,12 +6,14 @@
 
 use std::fmt::Write as _;
 
-use wrapyfi_endpoint::Interaction;
 use wrapyfi_endpoint::driver::{WholeBridge, WholeRoute};
 use wrapyfi_endpoint::pattern::{NamePattern, bare};
+use wrapyfi_endpoint::{EndpointAddress, Interaction};
+use wrapyfi_engine::option_fits;
 use wrapyfi_node::NodeName;
 
-use crate::middlewares::whole_bridges;
+use crate::middlewares::{available, whole_bridges};
+use crate::node::GRAPH;
 
 /// Executable that bridges all of one middleware.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +36,8 @@ pub struct Selection {
     pub has_hidden: bool,
     /// Time that a call may take, in milliseconds; that of every route where there is none.
     pub service_timeout_ms: Option<u64>,
+    /// Options of the routes that may have them, each `NAME=VALUE`.
+    pub options: Vec<String>,
     /// Switches of the middleware that are on.
     pub switches: Vec<&'static str>,
 }
@@ -66,7 +70,8 @@ impl MiddlewareBridge {
     /// # Errors
     /// When the prefix cannot begin a name of ROS 2, or an entry of `allow` or `deny` is no pattern.
     pub fn yaml(self, selection: &Selection) -> Result<String, String> {
-        let Selection { allow, deny, prefix, has_hidden, service_timeout_ms, switches } = selection;
+        let Selection { allow, deny, prefix, has_hidden, service_timeout_ms, options, switches } =
+            selection;
         let prefix = prefix.trim_matches('/');
         if !prefix.is_empty() {
             NodeName::check_topic(&format!("/{prefix}"))
@@ -78,9 +83,28 @@ impl MiddlewareBridge {
                     .map_err(|fault| format!("parameter {key}: {name:?} {fault}"))?;
             }
         }
+        let routes = (self.whole.routes)(switches, *has_hidden);
+        let mut named = Vec::new();
+        for option in options {
+            let (name, value) = option.split_once('=').ok_or_else(|| {
+                format!("parameter options: {option:?} is no setting: write it as introspection=metadata")
+            })?;
+            if !routes.iter().any(|route| self.takes(route, name)) {
+                let executable = self.whole.executable;
+                return Err(format!(
+                    "parameter options: no route of {executable} has an option {name}; those of a config_file may"
+                ));
+            }
+            // JSON is YAML; anything else is text.
+            let is_json = serde_json::from_str::<serde_json::Value>(value).is_ok();
+            named.push((name, if is_json { value.to_owned() } else { quoted(value) }));
+        }
         let before = if prefix.is_empty() { String::new() } else { format!("{prefix}/") };
         let mut text = "routes:\n".to_owned();
-        for route in (self.whole.routes)(switches, *has_hidden) {
+        for route in routes {
+            let taken = named.iter().filter(|(name, _)| self.takes(&route, name));
+            let taken = taken.map(|(name, value)| format!("{name}: {value}"));
+            let taken = taken.collect::<Vec<_>>().join(", ");
             let WholeRoute { interaction, comes_back, there, here, keys, is_fixed } = route;
             let [from, to] = interaction.keys();
             let prefix = if is_fixed { "" } else { before.as_str() };
@@ -112,9 +136,23 @@ impl MiddlewareBridge {
             {
                 let _infallible = write!(text, ", timeout_ms: {timeout_ms}");
             }
+            if !taken.is_empty() {
+                let _infallible = write!(text, ", options: {{ {taken} }}");
+            }
             let _infallible = writeln!(text, "{keys} }}");
         }
         Ok(text)
+    }
+
+    /// True for a route that may have an option.
+    fn takes(self, route: &WholeRoute, option: &str) -> bool {
+        let end = |middleware: &str| EndpointAddress {
+            middleware: middleware.to_owned(),
+            ..EndpointAddress::default()
+        };
+        let [there, here] = [end(self.middleware), end(GRAPH)];
+        let ends = if route.comes_back { [&here, &there] } else { [&there, &here] };
+        option_fits(option, ends, &available(), route.interaction)
     }
 }
 
@@ -181,6 +219,33 @@ mod tests {
         let timeout = |route: &Route| route.policy.answer_within().as_millis();
         assert_eq!(services.map(timeout).collect::<Vec<_>>(), [1234, 1234]);
         assert!(!bridge("ros1_bridge").yaml(&Selection::default()).unwrap().contains("clock"));
+    }
+
+    /// Each stands where it has an effect, and nowhere else.
+    #[test]
+    fn options_are_those_of_the_routes_that_have_them() {
+        let read = |options: &[&str]| Selection {
+            options: options.iter().map(|option| (*option).to_owned()).collect(),
+            ..Selection::default()
+        };
+        let wished = read(&["introspection=metadata", "from_peers=[\"/robot/*\"]"]);
+        let yaml = bridge("ros1_bridge").yaml(&wished).unwrap();
+        let Loaded { plan, .. } = load_text(&yaml, "test").unwrap();
+        let has = |route: &Route, option| route.policy.options.get(option).is_some();
+        for route in &plan.routes {
+            let is_topic = route.interaction() == Interaction::Topic;
+            assert_eq!(has(route, "introspection"), !is_topic, "{route}");
+            let is_from_ros1 = route.from.middleware == "ros";
+            assert_eq!(has(route, "from_peers"), is_topic && is_from_ros1, "{route}");
+        }
+        let refused = |options: &[&str]| bridge("ros1_bridge").yaml(&read(options)).unwrap_err();
+        assert!(
+            refused(&["carrier=udp"]).contains("no route of ros1_bridge has an option carrier")
+        );
+        assert!(refused(&["introspection"]).contains("write it as introspection=metadata"));
+        let wrong = bridge("ros1_bridge").yaml(&read(&["introspection=all"])).unwrap();
+        let wrong = load_text(&wrong, "test").unwrap_err().to_string();
+        assert!(wrong.contains("option introspection must be metadata or contents"), "{wrong}");
     }
 
     #[test]

@@ -182,14 +182,23 @@ fn declared(
             let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
             let service_timeout_ms =
                 count(&declare("service_timeout_ms", meant, 0.into())?).filter(|ms| *ms != 0);
+            let meant = "Options of the routes that may have them, each NAME=VALUE: introspection=metadata.";
+            let options = names(declare("options", meant, none())?);
             let mut switches = Vec::new();
             for &(name, meant) in bridge.switches() {
                 if declare(name, meant, false.into())? == ParameterValue::Bool(true) {
                     switches.push(name);
                 }
             }
-            let selection =
-                Selection { allow, deny, prefix, has_hidden, service_timeout_ms, switches };
+            let selection = Selection {
+                allow,
+                deny,
+                prefix,
+                has_hidden,
+                service_timeout_ms,
+                options,
+                switches,
+            };
             Some((bridge, selection))
         }
     };
@@ -210,7 +219,7 @@ fn declared(
                 let switches = bridge.switches().iter();
                 let switches: String = switches.map(|(name, _)| format!(", {name}")).collect();
                 return Err(Failure::Usage(format!(
-                    "parameters allow, deny, prefix, default_deny, service_timeout_ms{switches} are for the built-in \
+                    "parameters allow, deny, prefix, default_deny, service_timeout_ms, options{switches} are for the built-in \
                      configuration of {}; with config_file, write them into the file",
                     bridge.node()
                 )));

@@ -93,7 +93,7 @@ pub use engine::Engine;
 pub use left_out::LeftOut;
 pub use plan::Plan;
 pub use plan_diff::PlanDiff;
-pub use plan_options::known_option;
+pub use plan_options::{known_option, option_fits};
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use route::{Names, Policy, Route, RouteKey, RouteTypes, Types, Typing};
 pub use route_index::RouteIndex;

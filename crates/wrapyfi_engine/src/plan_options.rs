@@ -41,15 +41,7 @@ pub(super) fn read(
     for (name, value) in written {
         let mut complain = |text| problems.push(Problem::at(value.referenced, text));
         let [from, to] = ends.map(|end| end.middleware.as_str());
-        let lists = [(Peers::FROM, from), (Peers::TO, to)];
-        let list = lists.into_iter().find(|(key, _)| key == name);
-        if let Some(text) = list.and_then(|end| cannot_list(end, middlewares, interaction)) {
-            complain(text);
-            continue;
-        }
-        if interaction == Interaction::Topic
-            && let Some(text) = goes_the_other_way(name, ends, middlewares)
-        {
+        if let Some(text) = without_effect(name, ends, middlewares, interaction) {
             complain(text);
             continue;
         }
@@ -62,7 +54,8 @@ pub(super) fn read(
                 let read = plain(read);
                 let reads = |one: &&&Available<'_>| one.options.contains(&name.as_str());
                 let checked = || at_ends.iter().filter(reads);
-                let of_peers = list.and_then(|_| Peers::read(&read).err());
+                let is_list = [Peers::FROM, Peers::TO].contains(&name.as_str());
+                let of_peers = is_list.then(|| Peers::read(&read).err()).flatten();
                 let of_peers = of_peers.map(|wanted| format!("option {name} must be {wanted}"));
                 let of_function = |one: &&Available<'_>| {
                     let checked = function_action::check_option(name, &read);
@@ -89,6 +82,33 @@ pub(super) fn read(
         problems.push(Problem::at(until.referenced, fault));
     }
     options
+}
+
+/// True where a route of this interaction between `ends` may have an option.
+pub fn option_fits(
+    name: &str,
+    ends: [&EndpointAddress; 2],
+    middlewares: &[Available<'_>],
+    interaction: Interaction,
+) -> bool {
+    let is_end = |one: &&Available<'_>| ends.iter().any(|end| end.middleware == one.name);
+    let is_known = middlewares.iter().filter(is_end).any(|one| one.options.contains(&name));
+    is_known && without_effect(name, ends, middlewares, interaction).is_none()
+}
+
+/// Reason why an option has no effect between `ends`.
+fn without_effect(
+    name: &str,
+    ends: [&EndpointAddress; 2],
+    middlewares: &[Available<'_>],
+    interaction: Interaction,
+) -> Option<String> {
+    let [from, to] = ends.map(|end| end.middleware.as_str());
+    let mut lists = [(Peers::FROM, from), (Peers::TO, to)].into_iter();
+    let list = lists.find(|(key, _)| *key == name);
+    let unlisted = list.and_then(|end| cannot_list(end, middlewares, interaction));
+    let is_topic = interaction == Interaction::Topic;
+    unlisted.or_else(|| goes_the_other_way(name, ends, middlewares).filter(|_| is_topic))
 }
 
 /// Reason why an option can have no effect: each end that knows it is at the other end of the route.

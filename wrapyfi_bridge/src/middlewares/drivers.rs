@@ -86,7 +86,7 @@ pub(super) fn guarded<T>(name: &str, act: impl FnOnce() -> T) -> Result<T> {
 }
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
-pub(super) fn available() -> Vec<Available<'static>> {
+pub(crate) fn available() -> Vec<Available<'static>> {
     let known = drivers().iter().map(|(name, driver)| {
         let fallback = Available { name, ..Available::default() };
         let mut available = guarded(name, || driver.available()).unwrap_or(fallback);

@@ -45,7 +45,7 @@ use wrapyfi_ros2::{self as ros2, NodeEndpoints, NodeHandle, graph::Graph};
 pub use self::demo::DemoMiddlewares;
 pub use self::drivers::{BUNDLED, check_topic, is_ros, names, option_names, set};
 pub(crate) use self::drivers::{
-    NODE_SERVICES, carries, conventions, expected, unknown, wait_causes, whole_bridges,
+    NODE_SERVICES, available, carries, conventions, expected, unknown, wait_causes, whole_bridges,
 };
 pub use self::endpoints::{Endpoints, SectionNames};
 use self::endpoints::{failure, of_start, start};
