@@ -8,6 +8,7 @@ use super::why::asked_until;
 
 const OF_ROS1: &[Need] = &[Need::Program, Need::Ros1, Need::Actionlib];
 const BOTH: &[Need] = &[Need::Program, Need::Ros1, Need::Actionlib, Need::Kilted];
+const ON_ROS2: &[Need] = &[Need::Program, Need::Kilted];
 const STATUS: &str = "actionlib_msgs/GoalStatusArray";
 
 /// The answer about a name once it has this cause, whose words and remedy hold others.
@@ -146,6 +147,38 @@ fn a_name_of_three_patterns_is_that_of_the_action() -> Result {
                     is_it && answer["cause"].is_null()
                 })?;
             }
+        }
+        Ok(())
+    })
+}
+
+/// ROS 2 sends a request to all who offer its name.
+#[test]
+fn two_nodes_that_offer_one_service_or_action_on_ros_2_are_told() -> Result {
+    run("two_nodes_that_offer_one_service_or_action_on_ros_2_are_told", ON_ROS2, |env| {
+        let (ros, light, fib) = (kilted(env)?, env.topic("light"), env.topic("fib"));
+        let light_type = "std_srvs/srv/SetBool";
+        let serve = format!("serve --topic {light} --type {light_type}");
+        let achieve = format!("achieve --topic {fib} --type test_msgs/action/Fibonacci");
+        let start = |node: &str| {
+            let made = [&serve, &achieve]
+                .map(|role| ros.rclpy(&format!("{role} --node {node}{}", role.len()), None));
+            made.into_iter().collect::<Result<Vec<_>>>()
+        };
+        let _left = start("left")?;
+        for name in [&light, &fib] {
+            let answer = asked_until(env, [&*ros2(name)], |answer| {
+                answer["passed"].to_string().contains("/left")
+            })?;
+            assert_ne!(answer["cause"], "name_taken", "{answer}");
+        }
+        let _right = start("right")?;
+        for (name, kind) in [(&light, "service"), (&fib, "action")] {
+            let what = format!("offer the {kind} {}", ros2(name));
+            let remedy = format!("-r {name}:=/other{name}");
+            let answer = told(env, &ros2(name), ["name_taken", &what, &remedy])?;
+            let what = answer["what"].to_string();
+            assert!(what.contains("/left") && what.contains(" and /right"), "{answer}");
         }
         Ok(())
     })

@@ -92,6 +92,7 @@ impl Walk<'_> {
         way.route.as_ref().map_or(Ok(()), limit)?;
         self.reached(source, provider)?;
         self.types(source, provider)?;
+        self.only_server(source)?;
         self.mapping(source)?;
         defined(&source.undefined)?;
         self.quality(source, provider)?;
@@ -136,6 +137,7 @@ impl Walk<'_> {
                 self.passed.extend(lacking(way, source, Some(destination))?);
                 if way.interaction != Interaction::Topic {
                     self.side(destination)?;
+                    self.only_server(destination)?;
                     self.callers(destination)?;
                     if way.interaction == Interaction::Action {
                         self.types(destination, taker)?;

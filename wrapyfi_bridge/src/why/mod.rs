@@ -40,6 +40,7 @@ pub mod question;
 mod reach;
 mod running;
 pub mod server_check;
+mod servers;
 mod state;
 pub(crate) mod stopped;
 mod words;
