@@ -7,6 +7,7 @@
     rclpy_peer.py call      --topic /x --type std_srvs/srv/SetBool --value '{"data": true}'
     rclpy_peer.py achieve   --topic /x --type test_msgs/action/Fibonacci         a server of the action
     rclpy_peer.py send      --topic /x --type test_msgs/action/Fibonacci --value '{"order": 3}' [--count N] [--cancel]
+    rclpy_peer.py hash      --topic /x --type std_srvs/srv/SetBool_Event         that of a publisher, and that of the type
     rclpy_peer.py params    --value '{"rate": 30}'               a node that has these parameters
 
 In a published value {n} stands for the number of the message; in a reply = is an expression. Lines on stdout:
@@ -18,11 +19,13 @@ import argparse
 import hashlib
 import importlib
 import json
+import os
+import pathlib
 import random
 import string
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "serve", "call", "achieve", "send", "params"])
+parser.add_argument("role", choices=["publish", "subscribe", "serve", "call", "achieve", "send", "hash", "params"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/msg/String")
 parser.add_argument("--value")
@@ -262,6 +265,19 @@ def send(node):
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
+def type_hash(node):
+    """The hash that publishers announce, and the one that comes with ROS 2."""
+    package, folder, _ = args.type.split("/")
+    shares = [pathlib.Path(prefix, "share", package, folder) for prefix in os.environ["AMENT_PREFIX_PATH"].split(":")]
+    files = [json.loads(path.read_text()) for share in shares for path in share.glob("*.json")]
+    known = {one["type_name"]: one["hash_string"] for file in files for one in file["type_hashes"]}
+    while not leaving.wait(0.05):
+        publishers = node.get_publishers_info_by_topic(args.topic)
+        if publishers:
+            say("hash", announced=sorted({str(one.topic_type_hash) for one in publishers}), known=known[args.type])
+            return
+
+
 def params(node):
     for name, value in json.loads(args.value).items():
         node.declare_parameter(name, value)
@@ -279,6 +295,6 @@ def told(parameters):
 
 
 {"publish": publish, "subscribe": subscribe, "serve": serve, "call": call, "achieve": achieve, "send": send,
- "params": params}[args.role](
+ "hash": type_hash, "params": params}[args.role](
     rclpy.node.Node(args.node))
 leave()

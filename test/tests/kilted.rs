@@ -221,6 +221,37 @@ fn events_of_an_action_are_heard_by_rclpy() -> Result {
     })
 }
 
+/// Zenoh and newer middlewares of ROS 2 connect nothing whose hash is another one.
+#[test]
+fn events_have_the_hashes_of_ros_2() -> Result {
+    on_kilted("events_have_the_hashes_of_ros_2", |env, ros| {
+        let (real, shown, light) = (env.topic("real"), env.topic("shown"), env.topic("light"));
+        let lit = env.topic("lit");
+        let events = |route: Route| route.with("options", "{ introspection: metadata }");
+        let action = Route::action(&ros2(&real), &ros2(&shown)).with("type", FIBONACCI);
+        let service = Route::service(&ros2(&light), &ros2(&lit), "std_srvs/srv/SetBool");
+        env.definitions(&[crate::actions::FIBONACCI])?;
+        let config = env.embedded().with("definitions", "[interfaces]");
+        let bridge = env.bridge(&config.route(events(action)).route(events(service)))?;
+        let parts = [
+            ("send_goal", format!("{FIBONACCI}_SendGoal_Event")),
+            ("get_result", format!("{FIBONACCI}_GetResult_Event")),
+            ("cancel_goal", "action_msgs/srv/CancelGoal_Event".to_owned()),
+        ];
+        let of_action = [&real, &shown].into_iter().flat_map(|action| {
+            parts.each_ref().map(|(part, kind)| (format!("{action}/_action/{part}"), kind.clone()))
+        });
+        let of_service = [light, lit].map(|name| (name, "std_srvs/srv/SetBool_Event".to_owned()));
+        for (service, kind) in of_action.chain(of_service) {
+            let asks = format!("hash --topic {service}/_service_event --type {kind}");
+            let told = ros.rclpy(&asks, None)?.event("hash");
+            let told = told.map_err(|error| error.context(bridge.tail()))?;
+            assert_eq!(told["announced"], json!([told["known"]]), "{kind} of {service}");
+        }
+        Ok(())
+    })
+}
+
 /// The first event of one kind, and that of the other kind for the same request.
 fn pair(heard: &[Value], kinds: [u64; 2]) -> Option<[Value; 2]> {
     let values = || heard.iter().map(|message| &message["value"]);
