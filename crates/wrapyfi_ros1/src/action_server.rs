@@ -6,7 +6,14 @@
 //! ```
 //!
 //! A client takes a goal that one status array lacks as lost. So nothing is offered while another node publishes
-//! `<action>/status`, and no longer once one comes.
+//! `<action>/status`, and no longer once one comes. Of several bridges that begin at once one offers the action: each
+//! registers the status alone and is silent, until the master has listed it there and nobody else is. Where others are
+//! as far, the one whose node comes first by name goes on, and the others step back.
+//!
+//! ```text
+//!   nobody publishes the status ─▶ claim ─┬ listed alone ─▶ offered
+//!                                         └ another one: its name comes first, or too long ─▶ later again
+//! ```
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -19,7 +26,7 @@ use super::action_topics::{ActionTopic, ActionTopics};
 use super::config::NAME;
 use super::conversion::from_ros1;
 use super::listener::Ros1Listener;
-use super::listener_connections::Arrival;
+use super::listener_connections::{Arrival, OtherPublisher};
 use super::node::{Mark, Node};
 use super::publisher::Ros1Publisher;
 use super::server_goals::{Arrived, Goal, ServerGoals};
@@ -42,6 +49,15 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Most wishes to cancel that are read at once.
 const CANCELS: usize = 1000;
 
+/// Longest time for which the status is registered without being offered.
+const CLAIM_LASTS: Duration = Duration::from_secs(5);
+
+/// The status of an action that is to be offered, as long as nothing is sent.
+struct Claim {
+    status: Ros1Publisher,
+    until: Instant,
+}
+
 /// The topics of an action that is offered.
 struct Parts {
     goal: Ros1Listener,
@@ -58,6 +74,7 @@ pub(super) struct Ros1ActionServer {
     topics: ActionTopics,
     /// Listener that shows which other nodes publish the status.
     others: Ros1Listener,
+    claim: Option<Claim>,
     parts: Option<Parts>,
     goals: ServerGoals,
     requests: VecDeque<GoalRequest>,
@@ -85,6 +102,7 @@ impl Ros1ActionServer {
         let now = context.clock.now();
         Ok(Self {
             others: topics.listen_to(ActionTopic::Status)?,
+            claim: None,
             parts: None,
             goals: ServerGoals::new(spec.goals),
             requests: VecDeque::new(),
@@ -103,49 +121,99 @@ impl Ros1ActionServer {
     }
 
     /// Nodes that publish the status beside this one.
-    fn rivals(&self) -> BTreeSet<String> {
-        self.others.connections().callers().into_values().collect()
+    fn rivals(&self) -> Vec<OtherPublisher> {
+        self.others.connections().publishers()
     }
 
     /// Offers the action where nobody else does, and gives way where somebody does.
     fn review(&mut self, now: Instant) {
         while self.others.next().is_some() {}
-        let rival = self.rivals().into_iter().next();
-        match (&self.parts, rival) {
-            (Some(_), Some(rival)) => {
-                let reason = format!("{rival} offers {} too", self.topics.action);
-                tracing::warn!("ROS 1: {} is no longer offered: {reason}", self.topics.action);
-                let under_way = self.goals.under_way();
-                self.end_all(&reason, now);
-                // The real server is to give them up.
-                self.requests.extend(under_way.into_iter().map(GoalRequest::Cancel));
-                self.parts = None;
+        let rivals = self.rivals();
+        let node = Arc::clone(&self.topics.node);
+        let comes_first =
+            |rival: &OtherPublisher| !rival.is_offer || rival.node.as_str() < node.name.full();
+        if self.parts.is_some() {
+            // One that claims the action and is silent steps back.
+            let over =
+                |rival: &&OtherPublisher| comes_first(rival) && (rival.has_sent || !rival.is_offer);
+            if let Some(rival) = rivals.iter().find(over) {
+                self.give_way(&rival.node, now);
+            }
+            return;
+        }
+        let topic = self.topics.topic(ActionTopic::Status);
+        let is_alone = rivals.is_empty() && self.others.connections().is_settled();
+        match self.claim.take() {
+            Some(claim) if is_alone && node.is_listed(&topic) => {
+                let offered = self.offer(claim.status);
+                self.parts = self.or_later(offered, now);
+                self.publish_status(now);
+            }
+            Some(claim)
+                if now >= claim.until
+                    || rivals.iter().any(|rival| comes_first(rival) || rival.has_sent) =>
+            {
                 self.next_try = now + self.backoff.wait();
             }
-            (None, rival) if now >= self.next_try => {
+            Some(claim) => {
+                self.claim = Some(claim);
+                self.next_try = now + LOOK_EVERY;
+            }
+            None if now >= self.next_try => {
                 // The master may not have answered, or a node that was there may go.
                 self.next_try = now + LOOK_EVERY;
-                let topic = self.topics.topic(ActionTopic::Status);
-                let is_known = self.topics.node.has_asked_for(&topic);
-                if rival.is_none() && is_known && self.others.connections().is_settled() {
-                    match self.offer() {
-                        Ok(parts) => self.parts = Some(parts),
-                        Err(error) => {
-                            tracing::warn!("ROS 1: {error}");
-                            self.next_try = now + self.backoff.wait();
-                        }
-                    }
-                    self.publish_status(now);
+                if is_alone && node.has_asked_for(&topic) {
+                    let status = self.topics.publish(ActionTopic::Status);
+                    let until = now + CLAIM_LASTS;
+                    self.claim = self.or_later(status, now).map(|status| Claim { status, until });
+                    node.ask_again(&topic);
                 }
             }
-            _ => {}
+            None => {}
         }
     }
 
-    fn offer(&self) -> OpenResult<Parts> {
+    /// Result of opening, where it was opened; what was not is tried again later.
+    fn or_later<T>(&mut self, opened: OpenResult<T>, now: Instant) -> Option<T> {
+        opened
+            .inspect_err(|error| {
+                tracing::warn!("ROS 1: {error}");
+                self.next_try = now + self.backoff.wait();
+            })
+            .ok()
+    }
+
+    /// Offers the action no longer: its goals end, those that have come and that nobody has read, too.
+    fn give_way(&mut self, rival: &str, now: Instant) {
+        let reason = format!("{rival} offers {} too", self.topics.action);
+        tracing::warn!("ROS 1: {} is no longer offered: {reason}", self.topics.action);
+        while let Some(arrival) = self.parts.as_mut().and_then(|parts| parts.goal.next()) {
+            // A goal that cannot be taken is answered already.
+            _ = self.take_goal(&arrival, now);
+        }
+        let unread = self.requests.iter().filter_map(|request| match request {
+            GoalRequest::Goal { number, .. } => Some(*number),
+            _ => None,
+        });
+        let unread: BTreeSet<_> = unread.collect();
+        self.requests.retain(|request| match request {
+            GoalRequest::Goal { .. } => false,
+            GoalRequest::Cancel(number) => !unread.contains(number),
+            _ => true,
+        });
+        let mut known = self.goals.under_way();
+        known.retain(|number| !unread.contains(number));
+        self.end_all(&reason, now);
+        // The real server is to give them up.
+        self.requests.extend(known.into_iter().map(GoalRequest::Cancel));
+        self.parts = None;
+        self.next_try = now + self.backoff.wait();
+    }
+
+    fn offer(&self, status: Ros1Publisher) -> OpenResult<Parts> {
         let ActionTopics { node, action, spec, .. } = &self.topics;
         Ok(Parts {
-            status: self.topics.publish(ActionTopic::Status)?,
+            status,
             feedback: self.topics.publish(ActionTopic::Feedback)?,
             result: self.topics.publish(ActionTopic::Result)?,
             goal: self.topics.listen_to(ActionTopic::Goal)?,
@@ -422,11 +490,15 @@ impl ActionServer for Ros1ActionServer {
     }
 
     fn link(&self) -> Link {
-        let rival = self.rivals().into_iter().next().map(|by| Cause::NameServed {
-            to: format!("{NAME}:{}", self.topics.action),
+        let to = || format!("{NAME}:{}", self.topics.action);
+        let served = |rival: OtherPublisher| Cause::NameServed {
+            to: to(),
             interaction: Interaction::Action,
-            by,
-        });
+            by: rival.node,
+        };
+        // One that claims what is offered here steps back.
+        let rival = self.rivals().into_iter().find(|rival| self.parts.is_none() || !rival.is_offer);
+        let rival = rival.map(served);
         let clients = |parts: &Parts| parts.goal.connections().callers().len();
         let peers = Some(self.parts.as_ref().map_or(0, clients));
         let waiting_for = rival.or_else(|| self.topics.node.fault());

@@ -121,6 +121,16 @@ impl ActionTopics {
         if topic == ActionTopic::Status {
             spec.qos.durability = Durability::TransientLocal;
         }
+        if let (ActionTopic::Status, Some(wire_type)) = (topic, common) {
+            let wire_type = wire_type.clone();
+            return Ros1Publisher::of_own_action(
+                &self.node,
+                &spec.topic,
+                wire_type,
+                &spec,
+                &context,
+            );
+        }
         let offer = match common {
             Some(wire_type) => Some((wire_type.clone(), None)),
             None => conversion::offered(&self.node, &spec)?,

@@ -18,6 +18,8 @@ pub const MAX_FIELDS: usize = 256;
 pub(super) const NODE: &str = "wrapyfi_node";
 /// Field with the mark of a bridge that publishes a topic by pattern.
 pub(super) const MARK: &str = "wrapyfi_bridge";
+/// Field of the status of an action that this library offers, or is about to.
+pub(super) const OFFER: &str = "wrapyfi_action";
 
 /// Fields by name.
 ///

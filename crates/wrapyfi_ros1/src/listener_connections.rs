@@ -24,7 +24,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 use super::config::NodeUri;
 use super::core::Core;
 use super::differences;
-use super::header::{Header, MARK};
+use super::header::{Header, MARK, OFFER};
 use super::peer_types::{self, request_topic};
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
@@ -98,6 +98,17 @@ struct Peers {
     differences: (Vec<String>, usize),
 }
 
+/// A connected publisher as others see it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct OtherPublisher {
+    /// Name of its node.
+    pub(super) node: String,
+    /// True where it is the status of an action that this library offers, or is about to.
+    pub(super) is_offer: bool,
+    /// True once a message has come.
+    pub(super) has_sent: bool,
+}
+
 /// One publisher.
 #[derive(Default)]
 struct Peer {
@@ -110,6 +121,8 @@ struct Peer {
     caller: String,
     /// True when the publisher sends its last message to new subscribers.
     latches: bool,
+    /// True where it is the status of an action of this library.
+    is_offer: bool,
     /// Fault of the last try to connect.
     fault: Option<PeerFault>,
     task: Option<AbortHandle>,
@@ -225,6 +238,18 @@ impl ListenerConnections {
         up.map(|peer| (peer.shared.id, peer.caller.clone())).collect()
     }
 
+    /// The connected publishers.
+    pub(super) fn publishers(&self) -> Vec<OtherPublisher> {
+        let peers = self.peers.lock();
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        let of = |Peer { shared, caller, is_offer, .. }: &Peer| OtherPublisher {
+            node: caller.clone(),
+            is_offer: *is_offer,
+            has_sent: shared.messages.load(Relaxed) > 0,
+        };
+        up.map(of).collect()
+    }
+
     /// True once each publisher was connected to, or the first try has failed.
     pub(super) fn is_settled(&self) -> bool {
         let peers = self.peers.lock();
@@ -308,6 +333,7 @@ impl ListenerConnections {
                 shared: Arc::clone(&shared),
                 caller: String::new(),
                 latched: false,
+                is_offer: false,
                 plan: None,
             };
             let (connections, at) = (Arc::clone(self), uri.clone());
@@ -332,9 +358,9 @@ impl ListenerConnections {
         let Some(peer) = by_uri.get_mut(uri) else { return false };
         let stays = peer.listed || state.is_ok() || peer.address.is_some();
         let changed = match state {
-            Ok(Up { address, caller, latches }) => {
+            Ok(Up { address, caller, latches, is_offer }) => {
                 peer.fault = None;
-                (peer.latches, peer.caller) = (latches, caller);
+                (peer.latches, peer.caller, peer.is_offer) = (latches, caller, is_offer);
                 // An end that was not reported yet is over.
                 ended_publishers.retain(|id| *id != peer.shared.id);
                 peer.address.replace(address).is_none()
@@ -399,6 +425,7 @@ struct Connection {
     shared: Arc<ConnectionState>,
     caller: String,
     latched: bool,
+    is_offer: bool,
     plan: Option<PairPlan>,
 }
 
@@ -407,6 +434,7 @@ struct Up {
     address: String,
     caller: String,
     latches: bool,
+    is_offer: bool,
 }
 
 impl Connection {
@@ -417,7 +445,9 @@ impl Connection {
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    let up = Up { address, caller: self.caller.clone(), latches: self.latched };
+                    let (caller, latches, is_offer) =
+                        (self.caller.clone(), self.latched, self.is_offer);
+                    let up = Up { address, caller, latches, is_offer };
                     if !self.connections.note(&self.uri, Ok(up)) {
                         return;
                     }
@@ -490,6 +520,7 @@ impl Connection {
             conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
                 .map_err(Closed::Fault)?;
         self.latched = header.is_set("latching");
+        self.is_offer = header.is_set(OFFER);
         self.caller = shortened(header.get("callerid").unwrap_or_default());
         self.connections.note_differences(self.plan.as_ref());
         Ok(stream)

@@ -54,6 +54,13 @@ pub(super) struct NodeState {
     pub(super) ended: Option<Cause>,
 }
 
+/// Question to the master who publishes a topic.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Question {
+    asked: u64,
+    updates: u64,
+}
+
 /// A topic that is subscribed to: one registration, and its listeners.
 #[derive(Default)]
 pub(super) struct Subscription {
@@ -61,6 +68,9 @@ pub(super) struct Subscription {
     publishers: Vec<NodeUri>,
     /// The master has told who they are.
     is_known: bool,
+    /// Number of times that the master was to be asked, and the one whose answer has this node among them.
+    asked: u64,
+    listed: Option<u64>,
     /// Number of lists of publishers that the master sent without being asked.
     updates: u64,
     pub(super) listeners: Vec<Arc<ListenerConnections>>,
@@ -170,19 +180,37 @@ impl Node {
         self.state().subscriptions.get(topic).is_some_and(|subscription| subscription.is_known)
     }
 
-    /// The master's update number of a topic: for [`Node::set_publishers`].
-    pub(super) fn updates(&self, topic: &str) -> u64 {
-        self.state().subscriptions.get(topic).map_or(0, |subscription| subscription.updates)
+    /// Asks the master anew who publishes a topic that is subscribed to, once it knows what this node publishes.
+    pub(super) fn ask_again(&self, topic: &str) {
+        let mut state = self.state();
+        let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
+        subscription.asked += 1;
+        let type_name = subscription.listeners.first().map(|it| it.type_name().to_owned());
+        self.want(&mut state, Kind::Subscriber, topic, &type_name.unwrap_or_default());
     }
 
-    /// Takes what the master says about who publishes a topic: by itself, or as the answer to a registration that was
-    /// sent at update number `since`. News that it told by itself since then may be newer, and its answer only adds.
-    pub(super) fn set_publishers(&self, topic: &str, uris: &[String], since: Option<u64>) {
+    /// True once the master has told who publishes a topic, this node among them: who comes later is told of it.
+    pub(super) fn is_listed(&self, topic: &str) -> bool {
+        let state = self.state();
+        state.subscriptions.get(topic).is_some_and(|it| it.listed == Some(it.asked))
+    }
+
+    /// Numbers of what the master was asked about a topic and of what it told by itself: for [`Node::set_publishers`].
+    pub(super) fn question(&self, topic: &str) -> Question {
+        let state = self.state();
+        let known = state.subscriptions.get(topic);
+        known.map_or_else(Question::default, |it| Question { asked: it.asked, updates: it.updates })
+    }
+
+    /// Takes what the master says about who publishes a topic: by itself, or as the answer to a question. News that it
+    /// told by itself since then may be newer, and its answer only adds.
+    pub(super) fn set_publishers(&self, topic: &str, uris: &[String], answer: Option<Question>) {
         let mut publishers = Vec::with_capacity(uris.len());
+        let mut is_among = false;
         for uri in uris {
             match NodeUri::parse(uri) {
                 // Messages of this node are not for its own listeners.
-                Ok(uri) if uri == self.api => {}
+                Ok(uri) if uri == self.api => is_among = true,
                 Ok(uri) => publishers.push(self.master.whereabouts.of(uri)),
                 Err(reason) => {
                     tracing::warn!(topic, "ROS 1: a publisher's address {uri:?} is none: {reason}");
@@ -192,12 +220,14 @@ impl Node {
         let mut state = self.state();
         let NodeState { subscriptions, orphans, .. } = &mut *state;
         let Some(subscription) = subscriptions.get_mut(topic) else { return };
-        match since {
+        match answer {
             None => subscription.updates += 1,
-            Some(since) if since != subscription.updates => {
-                publishers.extend_from_slice(&subscription.publishers);
+            Some(Question { asked, updates }) => {
+                subscription.listed = is_among.then_some(asked);
+                if updates != subscription.updates {
+                    publishers.extend_from_slice(&subscription.publishers);
+                }
             }
-            Some(_) => {}
         }
         publishers.sort();
         publishers.dedup();

@@ -14,7 +14,7 @@ use tokio::io::AsyncWriteExt as _;
 use super::config::NAME;
 use super::conversion::ANY;
 use super::core::Core;
-use super::header::MARK;
+use super::header::{MARK, OFFER};
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
@@ -30,6 +30,8 @@ pub(super) struct Publication {
     pub(super) wire_type: Ros1Type,
     /// Mark of the bridge that made the publication by pattern.
     mark: Option<BridgeMark>,
+    /// It is the status of an action that this node offers, or is about to; so too while it ends.
+    is_offer: bool,
     state: Mutex<PublicationState>,
 }
 
@@ -65,8 +67,13 @@ impl Entry {
 }
 
 impl Publication {
-    pub(super) fn new(topic: &str, wire_type: Ros1Type, mark: Option<BridgeMark>) -> Self {
-        Self { topic: topic.to_owned(), wire_type, mark, state: Mutex::default() }
+    pub(super) fn new(
+        topic: &str,
+        wire_type: Ros1Type,
+        mark: Option<BridgeMark>,
+        is_offer: bool,
+    ) -> Self {
+        Self { topic: topic.to_owned(), wire_type, mark, is_offer, state: Mutex::default() }
     }
 
     /// Enters a publisher. Subscribers whom it does not let in are cut off, because they would get its messages too.
@@ -227,6 +234,7 @@ impl Publication {
             Some(mark) => own.with(MARK, mark.to_string()),
             None => own,
         };
+        let own = if self.is_offer { own.with(OFFER, "1") } else { own };
         let Ok(own) = own.encode() else { return false };
         if stream.write_all(&own).await.is_err() {
             return false;

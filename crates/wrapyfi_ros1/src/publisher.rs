@@ -42,9 +42,31 @@ impl Ros1Publisher {
     pub(super) fn open(
         node: &Arc<Node>,
         topic: &str,
+        offer: (Ros1Type, Option<PairPlan>),
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> OpenResult<Self> {
+        Self::enter(node, topic, offer, spec, context, false)
+    }
+
+    /// Publishes the status of an action, and says to others that it is the node's own.
+    pub(super) fn of_own_action(
+        node: &Arc<Node>,
+        topic: &str,
+        wire_type: Ros1Type,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> OpenResult<Self> {
+        Self::enter(node, topic, (wire_type, None), spec, context, true)
+    }
+
+    fn enter(
+        node: &Arc<Node>,
+        topic: &str,
         (wire_type, plan): (Ros1Type, Option<PairPlan>),
         spec: &TopicSpec,
         context: &Context,
+        is_offer: bool,
     ) -> OpenResult<Self> {
         let md5 = wire_type.md5.clone();
         let latches = spec.qos.durability == Durability::TransientLocal;
@@ -65,7 +87,7 @@ impl Ros1Publisher {
         let publication = node.advertise(
             topic,
             &md5,
-            || Publication::new(topic, wire_type, spec.mark.clone()),
+            || Publication::new(topic, wire_type, spec.mark.clone(), is_offer),
             |publication| publication.add(id, entry),
         );
         let mark = node.mark(Role::Publisher, topic, &spec.mark);

@@ -119,11 +119,11 @@ async fn take(node: &Arc<Node>, step: &MasterUpdate) -> Result<(), MasterError> 
         MasterUpdate::Enter(Key { kind, name }, type_name) => match kind {
             Kind::Publisher => ("registerPublisher", vec![text(name), text(type_name), own]),
             Kind::Subscriber => {
-                let since = node.updates(name);
+                let question = node.question(name);
                 let method = "registerSubscriber";
                 let asked = [text(name), text(type_name), own];
                 let publishers: Vec<String> = master.ask_for(method, asked).await?;
-                node.set_publishers(name, &publishers, Some(since));
+                node.set_publishers(name, &publishers, Some(question));
                 return Ok(());
             }
             Kind::Service => ("registerService", vec![text(name), address(), own]),

@@ -45,9 +45,12 @@ pub(super) enum MasterUpdate {
 
 #[derive(Debug, Default)]
 pub(super) struct Registrations {
-    /// Wanted registrations, each with its type.
-    wanted: BTreeMap<Key, String>,
+    /// Wanted registrations, each with its type and the number of the wish.
+    wanted: BTreeMap<Key, (String, u64)>,
     entered: BTreeSet<Key>,
+    /// Number of the last wish, and of the last one when the present step was chosen.
+    wishes: u64,
+    begun: u64,
 }
 
 impl Registrations {
@@ -55,7 +58,8 @@ impl Registrations {
     /// is there.
     pub(super) fn want(&mut self, key: Key, type_name: &str) {
         self.entered.remove(&key);
-        self.wanted.insert(key, type_name.to_owned());
+        self.wishes += 1;
+        self.wanted.insert(key, (type_name.to_owned(), self.wishes));
     }
 
     /// `key` is no longer to be registered.
@@ -69,18 +73,23 @@ impl Registrations {
     }
 
     /// The next step. Registrations that end come first: a name may be given to another program.
-    pub(super) fn next(&self) -> Option<MasterUpdate> {
+    pub(super) fn next(&mut self) -> Option<MasterUpdate> {
+        self.begun = self.wishes;
         let gone = self.entered.iter().find(|key| !self.wanted.contains_key(key));
         if let Some(key) = gone {
             return Some(MasterUpdate::Remove(key.clone()));
         }
         let mut missing = self.wanted.iter().filter(|(key, _)| !self.entered.contains(key));
-        missing.next().map(|(key, type_name)| MasterUpdate::Enter(key.clone(), type_name.clone()))
+        let (key, (type_name, _)) = missing.next()?;
+        Some(MasterUpdate::Enter(key.clone(), type_name.clone()))
     }
 
-    /// A step was taken. One whose registration is no longer wanted is undone next.
+    /// A step was taken. One whose registration is no longer wanted is undone next, and one that was wanted anew
+    /// meanwhile is taken again.
     pub(super) fn taken(&mut self, step: &MasterUpdate) {
         match step {
+            MasterUpdate::Enter(key, _)
+                if self.wanted.get(key).is_some_and(|(_, wish)| *wish > self.begun) => {}
             MasterUpdate::Enter(key, _) => _ = self.entered.insert(key.clone()),
             MasterUpdate::Remove(key) => _ = self.entered.remove(key),
         }
@@ -131,6 +140,18 @@ mod tests {
         all.taken(&enter);
         all.forgotten();
         assert_eq!(all.next(), Some(enter));
+    }
+
+    #[test]
+    fn what_is_wanted_anew_while_it_is_entered_is_entered_again() {
+        let mut all = Registrations::default();
+        all.want(key("/a"), "t");
+        let enter = all.next().unwrap();
+        all.want(key("/a"), "t");
+        all.taken(&enter);
+        assert_eq!(all.next(), Some(enter.clone()));
+        all.taken(&enter);
+        assert_eq!(all.next(), None);
     }
 
     #[test]

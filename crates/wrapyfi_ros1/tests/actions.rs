@@ -16,34 +16,37 @@ use wrapyfi_ros1::Ros1;
 use wrapyfi_ros1::header::Header;
 
 /// An action whose fields are called as its parts.
-fn count() -> RosAction {
+pub(crate) fn count() -> RosAction {
     let name = TypeName::parse(Dialect::Ros2, "demo/action/Count").unwrap();
     let text = "int32 goal\n---\nint32 result\n---\nint32 feedback\n";
     RosAction::new(&ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()).unwrap()
 }
 
 /// A client and a server in two nodes at one master.
-struct Scene {
-    client: Box<dyn ActionClient>,
+pub(crate) struct Scene {
+    pub(crate) client: Box<dyn ActionClient>,
     /// Contexts of the client and of the server.
-    contexts: [Context; 2],
-    server: Option<Box<dyn ActionServer>>,
+    pub(crate) contexts: [Context; 2],
+    pub(crate) server: Option<Box<dyn ActionServer>>,
     /// Requests that the server gave while it looked around.
-    requests: VecDeque<GoalRequest>,
-    near: Ros1,
-    _far: Ros1,
-    master: Master,
+    pub(crate) requests: VecDeque<GoalRequest>,
+    pub(crate) near: Ros1,
+    pub(crate) far: Ros1,
+    pub(crate) master: Master,
 }
 
 impl Scene {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self::with(&ActionSpec::new("/count", count()))
     }
 
     fn with(spec: &ActionSpec) -> Self {
+        Self::with_contexts(spec, [Context::default(), Context::default()])
+    }
+
+    pub(crate) fn with_contexts(spec: &ActionSpec, contexts: [Context; 2]) -> Self {
         let master = Master::start();
         let (near, far) = (node(&master, "near"), node(&master, "far"));
-        let contexts = [Context::default(), Context::default()];
         let client = near.open_action_client(spec, &contexts[0]).unwrap();
         let server = far.open_action_server(spec, &contexts[1]).unwrap();
         let mut scene = Self {
@@ -52,7 +55,7 @@ impl Scene {
             server: Some(server),
             requests: VecDeque::new(),
             near,
-            _far: far,
+            far,
             master,
         };
         scene.until("the server is found", |scene| scene.client.link().peers == Some(1));
@@ -60,7 +63,7 @@ impl Scene {
     }
 
     /// Steps both ends until something is so.
-    fn until(&mut self, what: &str, mut is_so: impl FnMut(&mut Self) -> bool) {
+    pub(crate) fn until(&mut self, what: &str, mut is_so: impl FnMut(&mut Self) -> bool) {
         let deadline = Instant::now() + TIMEOUT;
         while !is_so(self) {
             assert!(Instant::now() < deadline, "never: {what}; {:?}", self.client.link());
@@ -74,7 +77,7 @@ impl Scene {
         }
     }
 
-    fn request(&mut self) -> GoalRequest {
+    pub(crate) fn request(&mut self) -> GoalRequest {
         let mut taken = None;
         self.until("a request", |scene| {
             let server = scene.server.as_mut().unwrap();
@@ -84,7 +87,7 @@ impl Scene {
         taken.unwrap()
     }
 
-    fn goal(&mut self) -> (GoalNumber, Request) {
+    pub(crate) fn goal(&mut self) -> (GoalNumber, Request) {
         match self.request() {
             GoalRequest::Goal { number, goal, .. } => (number, goal),
             other => panic!("{other:?}"),
@@ -100,12 +103,12 @@ impl Scene {
         taken.unwrap()
     }
 
-    fn tell(&mut self, number: GoalNumber, update: GoalUpdate) {
+    pub(crate) fn tell(&mut self, number: GoalNumber, update: GoalUpdate) {
         self.server.as_mut().unwrap().update(number, update).unwrap();
     }
 }
 
-fn goal(to: i32) -> Request {
+pub(crate) fn goal(to: i32) -> Request {
     Request::default().with(Map::from([("goal", Value::from(to))]))
 }
 
@@ -247,7 +250,7 @@ fn a_server_that_ends_aborts_its_goals_and_is_waited_for() {
     assert!(matches!(scene.update(), (same, GoalUpdate::Rejected(_)) if same == ticket));
 }
 
-fn status_header() -> Header {
+pub(crate) fn status_header() -> Header {
     let types = ("actionlib_msgs/GoalStatusArray", "8b2b82f13216d0a8ea88bd3af735e619");
     Header::new().with("callerid", "/real").with("type", types.0).with("md5sum", types.1)
 }

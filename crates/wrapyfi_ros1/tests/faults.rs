@@ -5,7 +5,9 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::time::Duration;
 
-use crate::common::{Master, RawPublisher, call, framed, greet, node, plain, read_framed, said};
+use crate::common::{
+    Master, RawPublisher, call, data_port, framed, greet, node, plain, read_framed, said,
+};
 use wrapyfi_conformance::{ClientEnd, ServerEnd, Sink, Source, wait_until};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{ServiceKind, Value as Object};
@@ -28,20 +30,6 @@ fn subscriber(topic: &str, md5: &str) -> Header {
 /// `u32 │ u32 │ text`
 fn message(text: &str) -> Vec<u8> {
     framed(&framed(text.as_bytes()))
-}
-
-/// Address of the node's TCPROS port, as a subscriber asks for it.
-fn data_port(node: &Ros1, topic: &str) -> String {
-    let tcpros = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
-    let params = vec![text("/raw"), text(topic), tcpros];
-    let reply = call(&node.api_uri(), "requestTopic", params).unwrap();
-    match reply.value {
-        Value::Array(parts) => match parts.as_slice() {
-            [_, Value::String(host), Value::Integer(port)] => format!("{host}:{port}"),
-            other => panic!("{other:?}"),
-        },
-        other => panic!("{other:?}"),
-    }
 }
 
 /// Whatever a peer sends instead of a header, it is told no, and others are served.

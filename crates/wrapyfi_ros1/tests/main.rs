@@ -9,6 +9,8 @@
     reason = "in a test a panic is the right answer"
 )]
 
+mod action_goals;
+mod action_offers;
 mod actions;
 mod common;
 mod conformance;

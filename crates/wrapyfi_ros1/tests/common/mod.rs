@@ -297,6 +297,20 @@ pub(crate) fn greet(address: &str, own: &Header) -> (TcpStream, Header) {
     (stream, header)
 }
 
+/// Address of the node's TCPROS port, as a subscriber asks for it.
+pub(crate) fn data_port(node: &Ros1, topic: &str) -> String {
+    let tcpros = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+    let params = vec![text("/raw"), text(topic), tcpros];
+    let reply = call(&node.api_uri(), "requestTopic", params).unwrap();
+    match reply.value {
+        Value::Array(parts) => match parts.as_slice() {
+            [_, Value::String(host), Value::Integer(port)] => format!("{host}:{port}"),
+            other => panic!("{other:?}"),
+        },
+        other => panic!("{other:?}"),
+    }
+}
+
 /// A raw publisher: a node whose only skill is to send bytes to the program that subscribes.
 pub(crate) struct RawPublisher {
     subscribers: Arc<Mutex<Vec<TcpStream>>>,
