@@ -58,7 +58,7 @@ under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     launch_without_arguments_keeps_running [Need::Ros2Package("launch_ros")];
     lifecycle_set_drives_the_bridge [Need::Ros2Package("ros2lifecycle")];
     launch_activates_the_bridge_as_a_lifecycle_node [Need::Ros2Package("launch_ros"), Need::Ros2Package("ros2lifecycle")];
-    run_finds_the_nodes [];
+    run_finds_the_nodes [Need::Ros2Package("ros2pkg"), Need::Ros2Package("ros2run")];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
 }}
