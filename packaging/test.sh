@@ -46,6 +46,25 @@ files() {
     (cd "$root" && find . -xdev \( -path ./proc -o -path ./tmp -o -path ./var/cache -o -path ./var/lib/apt -o -path ./var/lib/dpkg \
         -o -path ./var/log \) -prune -o -print | sort)
 }
+# Runs a command in the new system, in a network of its own.
+alone() {
+    WRAPYFI_LO_NAMESPACE='' "$here/scripts/lo-namespace.sh" bash -c "$(declare -f inside); root=$root; inside "'"$@"' _ "$@"
+}
+# A bridge of one route that waits is small, once what its start took has gone back.
+rests() {
+    echo 'routes: [{ from: "zeromq:/camera", to: "ros2:/camera", type: Image }]' >"$root/tmp/one.yaml"
+    # shellcheck disable=SC2016
+    alone sh -c '
+        "$@" bridge --config /tmp/one.yaml 2>/tmp/rests.log & bridge=$!
+        size=none
+        for _ in $(seq 300); do
+            sleep 0.1
+            grep -q waiting /tmp/rests.log || continue
+            size=$(sed -n "s/^VmRSS:[^0-9]*\([0-9]*\) kB/\1/p" /proc/$bridge/status)
+            [ "$size" -gt $((25 * 1024)) ] || exit 0
+        done
+        echo "a bridge at rest has $size KiB"; exit 1' _ "$@" >"$root/tmp/rests" || fail "$(cat "$root/tmp/rests" "$root/tmp/rests.log")"
+}
 # As a reader does it: the program is small, answers, and everything in the demo arrives.
 use() {
     ! inside sh -c 'command -v cc || command -v cargo' || fail "there are compilers, which a reader may lack"
@@ -55,8 +74,28 @@ use() {
     local version
     version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$here/Cargo.toml")
     [ "$(inside "$@" --version)" = "wrapyfi $version" ] || fail "$* --version does not say wrapyfi $version"
-    WRAPYFI_LO_NAMESPACE='' "$here/scripts/lo-namespace.sh" bash -c "$(declare -f inside); root=$root; inside $* demo --seconds 5" \
-        >"$root/tmp/demo.log" 2>&1 || { tail -n 30 "$root/tmp/demo.log" >&2; fail "$* demo --seconds 5"; }
+    alone "$@" demo --seconds 5 >"$root/tmp/demo.log" 2>&1 || { tail -n 30 "$root/tmp/demo.log" >&2; fail "$* demo --seconds 5"; }
+}
+
+# What the package's scripts call of a systemd under which the bridges `robot` and `old` run.
+stand_in_for_systemd() {
+    local to=$root/usr/bin # of the search path of apt
+    mkdir -p "$root/run/systemd/system"
+    cat >"$to/systemctl" <<'END'
+#!/bin/sh
+echo "$@" >>/tmp/systemctl.log
+[ "$1" != list-units ] || printf 'wrapyfi-bridge@%s.service loaded active running x\n' robot old
+END
+    cat >"$to/systemd-run" <<'END'
+#!/bin/sh
+while [ "${1#--}" != "$1" ]; do shift; done
+exec "$@"
+END
+    cat >"$to/systemd-escape" <<'END'
+#!/bin/sh
+echo "${3#*@}" | sed 's/\.service$//'
+END
+    chmod +x "$to"/system*
 }
 
 deb() {
@@ -65,6 +104,7 @@ deb() {
     cp "$file" "$root/tmp/wrapyfi.deb"
     apt install --no-install-recommends /tmp/wrapyfi.deb
     use wrapyfi
+    rests wrapyfi
     local name
     for name in ros1_bridge yarp_bridge zeromq_bridge /usr/lib/wrapyfi_bridge/bridge; do
         inside "$name" --help | grep -q -- '--ros-args' || fail "$name --help is not that of a node"
@@ -79,14 +119,23 @@ deb() {
         systemd-analyze verify --man=no "$root"/usr/lib/systemd/system/wrapyfi-*.service || fail "a unit has faults"
     fi
 
-    # Over an older one, and away again: what its owner wrote stays, everything else goes.
+    # Over an older one: what runs goes on with the new program, unless that refuses its configuration.
     mkdir "$root/etc/wrapyfi"
-    echo 'routes: []' >"$root/etc/wrapyfi/robot.yaml"
+    echo 'routes: [{ from: "zeromq:/camera", to: "ros2:/camera", type: Image }]' | tee "$root/etc/wrapyfi/robot.yaml" >"$root/tmp/robot.yaml"
+    sed s/from:/source:/ "$root/tmp/robot.yaml" >"$root/etc/wrapyfi/old.yaml"
+    stand_in_for_systemd
     apt install --reinstall /tmp/wrapyfi.deb
+    grep -qx 'try-restart wrapyfi-bridge@robot.service' "$root/tmp/systemctl.log" || fail "a bridge that runs is not restarted"
+    ! grep -q 'restart.*old' "$root/tmp/systemctl.log" || fail "a bridge is restarted with a configuration that the new program refuses"
+    grep -q 'wrapyfi-bridge@old.service is not restarted.*mend /etc/wrapyfi/old.yaml' "$root/tmp/apt.log" || fail "no line says which bridge was not restarted"
+    grep -q 'old.yaml:1:.*unknown key `source`' "$root/tmp/apt.log" || fail "no line says what is wrong in the older configuration"
+    rm -r "$root/run/systemd" "$root"/usr/bin/system*
+
+    # And away again: what its owner wrote stays, everything else goes.
     mkdir -p "$root/etc/systemd/system/multi-user.target.wants"
     ln -s /usr/lib/systemd/system/wrapyfi-bridge@.service "$root/etc/systemd/system/multi-user.target.wants/wrapyfi-bridge@robot.service"
     apt purge --autoremove wrapyfi
-    [ "$(cat "$root/etc/wrapyfi/robot.yaml")" = "routes: []" ] || fail "a configuration of its owner is gone"
+    cmp "$root/etc/wrapyfi/robot.yaml" "$root/tmp/robot.yaml" || fail "a configuration of its owner is gone"
     rm -r "$root/etc/wrapyfi"
     files | diff "$root/tmp/before" - >"$root/tmp/left" || { cat "$root/tmp/left" >&2; fail "removal left something, above"; }
 }
@@ -99,6 +148,12 @@ wheel() {
     inside python3 -m venv /opt/wrapyfi
     inside /opt/wrapyfi/bin/pip install --quiet --no-index "/tmp/$(basename "$file")" || fail "pip install"
     use /opt/wrapyfi/bin/wrapyfi
+    local platform
+    for platform in manylinux_2_17_x86_64 musllinux_1_2_x86_64 manylinux_2_36_armv7l; do
+        ! inside /opt/wrapyfi/bin/pip download --quiet --no-index --no-deps --only-binary=:all: --platform "$platform" --dest /tmp/none \
+            "/tmp/$(basename "$file")" 2>"$root/tmp/pip.log" || fail "pip installs it on $platform"
+        grep -q 'is not a supported wheel on this platform' "$root/tmp/pip.log" || fail "pip does not say why it refuses $platform"
+    done
     inside /opt/wrapyfi/bin/pip uninstall --quiet --yes wrapyfi-ros2
     ! find "$root/opt/wrapyfi" -iname '*wrapyfi[-_.]*' -o -name wrapyfi -type f | grep . || fail "removal left something, above"
     rm -r "$root/opt/wrapyfi"

@@ -18,7 +18,8 @@ if ! cargo deb --version 2>/dev/null | grep -qF "$CARGO_DEB_VERSION"; then
     echo "deb: cargo install cargo-deb $CARGO_DEB_VERSION (two minutes, once)" >&2
     CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug "cargo-deb@$CARGO_DEB_VERSION"
 fi
-cargo --quiet build --profile "$profile" --locked --package wrapyfi_bridge
+# Addresses that the loader corrects, packed: a twentieth of the file, and of what a bridge at rest has in memory. glibc 2.36 reads it.
+cargo --quiet rustc --profile "$profile" --locked --package wrapyfi_bridge --bin wrapyfi -- -C link-arg=-Wl,-z,pack-relative-relocs
 
 # What is made and not written: wrapyfi_bridge/Cargo.toml names it beside what the repository has.
 made=target/package/made
