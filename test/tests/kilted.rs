@@ -225,6 +225,7 @@ fn events_of_an_action_are_heard_by_rclpy() -> Result {
 #[test]
 fn events_have_the_hashes_of_ros_2() -> Result {
     on_kilted("events_have_the_hashes_of_ros_2", |env, ros| {
+        env.set_variable("RMW_IMPLEMENTATION", "");
         let (real, shown, light) = (env.topic("real"), env.topic("shown"), env.topic("light"));
         let lit = env.topic("lit");
         let events = |route: Route| route.with("options", "{ introspection: metadata }");
@@ -238,6 +239,7 @@ fn events_have_the_hashes_of_ros_2() -> Result {
             ("get_result", format!("{FIBONACCI}_GetResult_Event")),
             ("cancel_goal", "action_msgs/srv/CancelGoal_Event".to_owned()),
         ];
+        let _server = ros.rclpy(&format!("achieve --topic {real} --type {FIBONACCI}"), None)?;
         let of_action = [&real, &shown].into_iter().flat_map(|action| {
             parts.each_ref().map(|(part, kind)| (format!("{action}/_action/{part}"), kind.clone()))
         });

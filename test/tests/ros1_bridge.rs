@@ -367,21 +367,22 @@ fn call(env: &TestEnv, service: &str, kind: &str, value: &str) -> Result<Process
 /// Its routes are its own, and have the options that a parameter gives them.
 #[test]
 fn services_that_it_finds_have_events_where_they_are_wished() -> Result {
+    const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Kilted];
     run("services_that_it_finds_have_events_where_they_are_wished", NEEDS, |env| {
         let _roscore = env.roscore()?;
-        let set = env.topic("set");
+        let (ros, set) = (super::actions::kilted(env)?, env.topic("set"));
         let _setter = env.rospy(&format!("serve --topic {set} --node setter"), None)?;
         let bridge = bridge(env, &["-p", "options:=[introspection=contents]"])?;
-        let events = ros2(&format!("{set}/_service_event"));
-        let echo = ["echo", &events, "--type", "std_srvs/srv/SetBool_Event", "--json"];
-        let echo = env.wrapyfi(echo)?;
-        // Events are not kept: those before the echo has found the bridge are lost.
+        let events = format!("--topic {set}/_service_event --type std_srvs/srv/SetBool_Event");
+        let ear = ros.rclpy(&format!("subscribe {events} --node ear"), None)?;
+        ear.event("ready")?;
+        // Events are not kept: those before the ear has found the bridge are lost.
         loop {
             let asked = call(env, &set, "std_srvs/srv/SetBool", r#"{"data": true}"#)?;
             asked.objects(1).map_err(|error| error.context(bridge.tail()))?;
-            let answer =
-                |event: serde_json::Value| event["value"]["response"][0]["message"] == "so be it";
-            if echo.wait_until("events", |output| Some(output.objects().any(answer)))? {
+            let heard = ear.wait_until("events", |output| Some(output.events("message")))?;
+            let answer = |event: &Value| event["value"]["response"][0]["message"] == "so be it";
+            if heard.iter().any(answer) {
                 return Ok(());
             }
         }
