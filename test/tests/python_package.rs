@@ -418,3 +418,50 @@ fn dicts_are_messages_of_a_ros_type() -> Result {
         Ok(())
     })
 }
+
+/// A publisher on this package, heard by a listener on it and by `wrapyfi echo`.
+fn is_heard_on(test: &str, mware: &str, needs: &[Need]) -> Result {
+    run(test, &[NEEDS, needs].concat(), |env| {
+        let _names = env.yarpserver()?;
+        let _master = needs.contains(&Need::Ros1).then(|| env.roscore()).transpose()?;
+        for what in [
+            "NativeObject --flavour rich",
+            "Image --flavour colour",
+            "Image --flavour mono",
+            "AudioChunk --flavour mono",
+        ] {
+            let kind = what.split(' ').next().unwrap_or_default();
+            let topic = env.topic(&what.replace([' ', '-'], "_").to_lowercase());
+            let common = format!("--mware {mware} --topic {topic} --type {what}");
+            let publisher = env.our_peer("wrapyfi_peer.py", &format!("publish {common}"))?;
+            let mut listener =
+                env.our_peer("wrapyfi_peer.py", &format!("listen {common} --count 3"))?;
+            let heard = texts(&listener.messages(3)?, "sha256");
+            listener.exits_with(0)?;
+            publisher.sent_in_a_row("sha256", &heard)?;
+            let endpoint = format!("{mware}:{topic}");
+            let args =
+                ["echo", &endpoint, "--type", kind, "--count", "3", "--timeout", "100", "--json"];
+            let mut echo = env.wrapyfi(args)?;
+            let heard = texts(&echo.objects(3)?, "sha256");
+            echo.exits_with(0)?;
+            publisher.sent_in_a_row("sha256", &heard)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn every_type_is_heard_on_ros_2() -> Result {
+    is_heard_on("every_type_is_heard_on_ros_2", "ros2", &[])
+}
+
+#[test]
+fn every_type_is_heard_on_ros_1() -> Result {
+    is_heard_on("every_type_is_heard_on_ros_1", "ros", &[Need::Ros1])
+}
+
+#[test]
+fn every_type_is_heard_on_yarp() -> Result {
+    is_heard_on("every_type_is_heard_on_yarp", "yarp", &[])
+}

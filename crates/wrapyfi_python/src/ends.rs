@@ -10,7 +10,7 @@ use wrapyfi_core::communicator::{
     at_once,
 };
 use wrapyfi_core::endpoint::Request;
-use wrapyfi_core::types::{DataType, Encoding, MessageType, Payload, Stamp, Value};
+use wrapyfi_core::types::{DataType, Encoding, MessageType, Payload, SampleFormat, Stamp, Value};
 use wrapyfi_data::codec::Conversion;
 
 use crate::error::{detached, ended, option, wrong_value};
@@ -280,6 +280,11 @@ impl Channel {
     /// Object of a message.
     fn object<'py>(&self, py: Python<'py>, payload: Payload) -> PyResult<Bound<'py, PyAny>> {
         let to = ToPython { codec: self.codec.bind(py) };
+        // Scripts take samples for floats, as Wrapyfi makes them of everything.
+        let payload = match payload {
+            Payload::AudioChunk(sound) => sound.to_format(SampleFormat::F32Le).into(),
+            other => other,
+        };
         match self.converted(py, payload, MessageType::NativeObject)? {
             Payload::NativeObject(object) => to.object(&object.value),
             other => Err(wrong_value(py, format!("a message of {}", other.data_type()))),

@@ -42,6 +42,12 @@ fn middlewares() -> Vec<String> {
     context().middlewares()
 }
 
+/// Version of the workspace, which the package has too.
+#[pyfunction]
+fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}
+
 /// Panics, for the test that a panic becomes an exception.
 #[pyfunction]
 fn panic_on_purpose(py: Python<'_>) -> PyResult<()> {
@@ -54,5 +60,5 @@ mod _native {
     #[pymodule_export]
     use super::ends::{Ends, open};
     #[pymodule_export]
-    use super::{forked, middlewares, panic_on_purpose};
+    use super::{forked, middlewares, panic_on_purpose, version};
 }

@@ -18,7 +18,7 @@ import os
 from . import _native
 from .utils.core_utils import Plugin, PluginRegistrar
 
-__version__ = "0.1.0"
+__version__ = _native.version()
 __all__ = ["Plugin", "PluginRegistrar"]
 
 os.register_at_fork(after_in_child=_native.forked)
