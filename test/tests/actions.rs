@@ -337,24 +337,6 @@ fn an_action_that_is_installed_nowhere_is_described_by_the_bridge() -> Result {
     })
 }
 
-/// Nobody here has the package: the server's node describes each part of its action.
-#[test]
-fn an_action_that_is_installed_nowhere_here_is_described_by_its_node() -> Result {
-    const NEEDS: &[Need] = &[Need::Program, Need::Kilted];
-    run("an_action_that_is_installed_nowhere_here_is_described_by_its_node", NEEDS, |env| {
-        let (ros, action) = (kilted(env)?, env.topic("fib"));
-        let server = ros.rclpy_actions(&format!("serve --action {action}"))?;
-        server.event("ready")?;
-        let at = ros2(&action);
-        let send = ["action", "send", &at, "--value", r#"{"order": 2}"#, "--timeout", "60"];
-        let mut sent = env.wrapyfi(send.into_iter().chain(["--json"]))?;
-        sent.exits_with(0)?;
-        let end = sent.wait_until("the end", |output| output.objects().next_back())?;
-        assert_eq!(end["value"]["sequence"], json!([0, 1, 1, 2]));
-        Ok(())
-    })
-}
-
 /// The goal of a client whose bridge was killed goes on, and the next bridge has nobody's wish to end it but one for all.
 #[test]
 fn a_goal_that_a_killed_bridge_has_sent_can_be_cancelled() -> Result {

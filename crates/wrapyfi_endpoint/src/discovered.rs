@@ -44,10 +44,6 @@ pub struct Discovered {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[doc(hidden)]
     pub mark: Option<BridgeMark>,
-    /// Types of an action's parts with their hashes, as they announce them.
-    #[serde(skip)]
-    #[doc(hidden)]
-    pub parts: Vec<(String, String)>,
 }
 
 impl Discovered {
@@ -63,7 +59,6 @@ impl Discovered {
             count: 1,
             traffic: None,
             mark: None,
-            parts: Vec::new(),
         }
     }
 }

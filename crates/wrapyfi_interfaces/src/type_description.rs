@@ -8,7 +8,6 @@ use crate::description::{
 };
 use crate::parser::{
     Container, DefaultValue, Dialect, Element, Field, MessageDefinition, ParseFault, TypeName,
-    action_messages,
 };
 use crate::store::{Looked, ResolveError, ResolvedType};
 use crate::type_description_interfaces::msg;
@@ -66,25 +65,6 @@ impl ResolvedType {
         }
         let looked = Looked(vec!["it among the types that the node describes".to_owned()]);
         Self::among(Dialect::Ros2, &named(&described.type_description.type_name)?, &known, &looked)
-    }
-
-    /// The action whose parts a node describes: the services of its goals and of its results, and its feedback.
-    ///
-    /// # Errors
-    /// When a part is missing, or they are too many or too deep.
-    pub fn action_of_parts(name: &TypeName, parts: &[Self]) -> Result<Self, ResolveError> {
-        let all = parts.iter().flat_map(|part| part.definitions().clone());
-        let mut known: BTreeMap<_, _> = all.collect();
-        let looked = Looked(vec!["it among the parts that the node describes".to_owned()]);
-        let own = |suffix: &str| {
-            let own = name.derived(suffix);
-            let part = Self::among(Dialect::Ros2, &own, &known, &looked)?;
-            let found = part.definition().cloned();
-            Ok::<_, ResolveError>(found.unwrap_or_else(|| MessageDefinition::new(own, Vec::new())))
-        };
-        let messages = action_messages(name, own("_Goal")?, own("_Result")?, own("_Feedback")?);
-        known.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
-        Self::among(Dialect::Ros2, name, &known, &looked)
     }
 }
 
@@ -214,24 +194,5 @@ mod tests {
         check::<crate::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage>(&mut store);
         check::<crate::rcl_interfaces::srv::SetParameters_Event>(&mut store);
         check::<crate::rmw_dds_common::msg::ParticipantEntitiesInfo>(&mut store);
-    }
-
-    /// As a node of rcl describes it: each part with the types that it refers to.
-    #[test]
-    fn an_action_is_made_of_its_described_parts() {
-        let mut store = store();
-        for name in ["golden_msgs/action/Count", "test_msgs/action/NestedMessage"] {
-            let whole = store.resolve_name(name).unwrap();
-            let mut part = |suffix: &str| {
-                let part = store.resolve_name(&format!("{name}{suffix}")).unwrap();
-                let described = msg::TypeDescription::from(part.description());
-                ResolvedType::from_description(&described).unwrap()
-            };
-            let parts = ["_SendGoal", "_GetResult", "_FeedbackMessage"].map(&mut part);
-            let made = ResolvedType::action_of_parts(whole.name(), &parts).unwrap();
-            assert_eq!(made.type_hash(), whole.type_hash(), "{name}");
-            let lacks = ResolvedType::action_of_parts(whole.name(), &parts[..2]).unwrap_err();
-            assert!(lacks.to_string().contains("_Feedback"), "{lacks}");
-        }
     }
 }

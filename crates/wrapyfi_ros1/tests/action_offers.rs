@@ -1,4 +1,4 @@
-//! Which of several nodes offers an action, and what becomes of goals where one gives way.
+//! Choice of the one node that offers an action, and what becomes of goals where another gives way.
 
 use std::time::Instant;
 

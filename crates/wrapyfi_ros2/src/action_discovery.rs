@@ -30,9 +30,6 @@ pub(super) fn with_actions(found: Vec<Discovered>) -> Vec<Discovered> {
     let mut actions = Vec::new();
     for ((name, role, node), places) in whole {
         let count = places.iter().map(Vec::len).min().unwrap_or(0);
-        let firsts = places.iter().filter_map(|places| found.get(*places.first()?)?.as_ref());
-        let typed = |one: &Discovered| one.type_name.clone().zip(one.type_hash.clone());
-        let parts = firsts.filter_map(typed).collect();
         let mut taken = places.iter().flat_map(|places| places.iter().take(count));
         let first = taken.next().and_then(|place| found.get_mut(*place)?.take());
         let Some(first) = first else { continue };
@@ -48,7 +45,6 @@ pub(super) fn with_actions(found: Vec<Discovered>) -> Vec<Discovered> {
             node,
             count: count as u64,
             mark: first.mark,
-            parts,
             ..Discovered::new(name, role)
         });
     }
@@ -102,8 +98,6 @@ mod tests {
         let server = found.iter().find(|one| one.role == Role::ActionServer).unwrap();
         assert_eq!(server.type_name.as_deref(), Some("demo/action/Do"));
         assert_eq!(server.type_hash.as_deref(), Some("hash of send_goal"));
-        assert_eq!(server.parts.len(), PARTS.len());
-        assert_eq!(server.parts[0].1, "hash of send_goal");
         let [client, server, name] = [Role::ActionClient, Role::ActionServer, Role::Publisher];
         let of = |role, count| ("/do".to_owned(), role, count);
         assert_eq!(roles(found), [of(name, 1), of(client, 1), of(client, 2), of(server, 1)]);

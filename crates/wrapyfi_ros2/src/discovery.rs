@@ -137,7 +137,6 @@ fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Disc
         count: 1,
         traffic: None,
         mark: endpoint.mark,
-        parts: Vec::new(),
     })
 }
 

@@ -210,7 +210,6 @@ mod tests {
             count: 1,
             traffic: Some(Traffic { messages: 3, bytes: 1_500_000, not_taken: 0 }),
             mark: None,
-            parts: Vec::new(),
         };
         let listener = Discovered {
             role: Role::Listener,

@@ -175,15 +175,15 @@ pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &m
     let (Some(node), Some(name), Some(hash)) = (&one.node, &one.type_name, &one.type_hash) else {
         return;
     };
-    let ask = |name: &str, hash: &str| -> anyhow::Result<ResolvedType> {
+    let told = || -> anyhow::Result<ResolvedType> {
         let kind = GetTypeDescription_Response::ROS_TYPE.trim_end_matches("_Response");
         let kind = ServiceKind::resolve(kind, &mut TypeStore::generated())?;
         let service = format!("{node}/{}", TypeDescriptions::SERVICE);
         let spec = ServiceSpec::new(&service, kind);
         let mut client = middleware.open_client(&spec, &Context::default())?;
         let fields = Map::from([
-            ("type_name", Value::from(name)),
-            ("type_hash", Value::from(hash)),
+            ("type_name", Value::from(name.as_str())),
+            ("type_hash", Value::from(hash.as_str())),
             ("include_type_sources", Value::from(false)),
         ]);
         let reply = client.call(&Request::default().with(fields), DESCRIBED_WITHIN)?;
@@ -192,19 +192,6 @@ pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &m
         };
         let reply = GetTypeDescription_Response::decode(&message.cdr, MAX_DESCRIPTION_BYTES)?;
         Ok(ResolvedType::from_description(&reply.type_description)?)
-    };
-    let told = || -> anyhow::Result<ResolvedType> {
-        let described = ask(name, hash)?;
-        let wanted = TypeName::parse(Dialect::Ros2, name)?;
-        if *described.name() == wanted {
-            return Ok(described);
-        }
-        // Nodes of rcl go by the hash, which of an action is that of a part: they describe each part by its own.
-        let parts = one.parts.iter().filter(|(name, _)| {
-            TypeName::parse(Dialect::Ros2, name).is_ok_and(|part| part.file_stem() == wanted.name())
-        });
-        let parts: Vec<_> = parts.map(|(name, hash)| ask(name, hash)).collect::<Result<_, _>>()?;
-        Ok(ResolvedType::action_of_parts(&wanted, &parts)?)
     };
     match told() {
         Ok(described) => types.add_resolved(&described),
