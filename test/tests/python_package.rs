@@ -430,6 +430,10 @@ fn is_heard_on(test: &str, mware: &str, needs: &[Need]) -> Result {
             "Image --flavour mono",
             "AudioChunk --flavour mono",
         ] {
+            // YARP's samples have 16 bits, so that others arrive than were sent.
+            if mware == "yarp" && what.starts_with("AudioChunk") {
+                continue;
+            }
             let kind = what.split(' ').next().unwrap_or_default();
             let topic = env.topic(&what.replace([' ', '-'], "_").to_lowercase());
             let common = format!("--mware {mware} --topic {topic} --type {what}");
