@@ -283,8 +283,7 @@ impl ActionClient for Ros1ActionClient {
     }
 
     fn link(&self) -> Link {
-        // A server that connects anew is there: were the action no longer offered meanwhile, goals would be lost.
-        let servers = self.servers().len().max(usize::from(self.server.is_some()));
+        let servers = self.servers().len();
         let waiting_for = (servers == 0).then(|| self.absent());
         Link { peers: Some(servers), waiting_for, keeps_last: false }
     }
