@@ -77,6 +77,8 @@ impl Process {
     /// Starts `command` and reads along.
     pub(crate) fn start(name: &str, mut command: Command, pillars: &Pillars) -> Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // Fifteen last lines are shown of a program that failed: the trace of its error would push the error out.
+        command.env("RUST_LIB_BACKTRACE", "0");
         // Programs that it starts are ended with it: Wrapyfi's scripts leave their brokers behind.
         command.process_group(0);
         let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;

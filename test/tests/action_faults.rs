@@ -63,8 +63,8 @@ fn threads(process: &Process) -> Result<usize> {
 /// the other.
 #[test]
 fn goals_under_way_have_no_threads_of_their_own() -> Result {
-    const CLIENTS: usize = 6;
-    const GOALS: usize = 5;
+    const CLIENTS: usize = 3;
+    const GOALS: usize = 8;
     run("goals_under_way_have_no_threads_of_their_own", BOTH, |env| {
         let _roscore = env.roscore()?;
         let (ros, action) = (kilted(env)?, env.topic("fib"));

@@ -63,20 +63,20 @@ fn a_client_of_rclpy_drives_a_server_of_actionlib() -> Result {
 
         // A cancel reaches the server, and its answer the client.
         let client =
-            ros.rclpy_actions(&format!("send --action {action} --order 400 --cancel-after 3"))?;
+            ros.rclpy_actions(&format!("send --action {action} --order 4000 --cancel-after 3"))?;
         assert_eq!(end(&client, 0)?["state"], "canceled");
         let canceling = client.event("canceling")?;
         assert_eq!((&canceling["code"], &canceling["goals"]), (&json!(0), &json!(1)));
 
         // A newer goal preempts the older one, which no client has cancelled.
-        let older = ros.rclpy_actions(&format!("send --action {action} --order 400"))?;
+        let older = ros.rclpy_actions(&format!("send --action {action} --order 4000"))?;
         older.event("feedback")?;
         let newer = ros.rclpy_actions(&format!("send --action {action} --order 3"))?;
         assert_eq!(end(&older, 0)?["state"], "aborted");
         assert_eq!(end(&newer, 0)?["state"], "succeeded");
 
         // A server that dies ends its goals, and is no longer offered.
-        let client = ros.rclpy_actions(&format!("send --action {action} --order 400"))?;
+        let client = ros.rclpy_actions(&format!("send --action {action} --order 4000"))?;
         client.event("feedback")?;
         server.kill()?;
         assert_eq!(end(&client, 0)?["state"], "aborted");
@@ -129,13 +129,13 @@ fn a_client_of_actionlib_drives_a_server_of_rclpy() -> Result {
             (output.events("feedback").len() == 6).then_some(())
         })?;
         let client =
-            env.rospy_actions(&format!("send --action {action} --order 400 --cancel-after 3"))?;
+            env.rospy_actions(&format!("send --action {action} --order 4000 --cancel-after 3"))?;
         assert_eq!(end(&client, 0)?["state"], "preempted");
         let client = env.rospy_actions(&format!("send --action {action} --order 4 --goals 8"))?;
         for index in 0..8 {
             assert_eq!(end(&client, index)?["state"], "succeeded");
         }
-        let client = env.rospy_actions(&format!("send --action {action} --order 400"))?;
+        let client = env.rospy_actions(&format!("send --action {action} --order 4000"))?;
         client.event("feedback")?;
         server.kill()?;
         let told = end(&client, 0)?;

@@ -6,6 +6,7 @@
 //!   {"event":"message","kind":"object","sent":{…},"received":{…}}      a line for each call
 //! ```
 //!
+//! A request waits for its server for as long as a test waits: Python's starts late where the machine is busy.
 //! One method for each kind on a topic of its own, called in turn. A body that was given something
 //! returns it turned around, else a message that depends on a number that counts up.
 
@@ -74,6 +75,7 @@ impl Exchange {
         NativeObject,
         "$mware",
         "$way_in",
+        timeout_ms = 100_000,
         listener_kwargs(in_topic = "$way_in"),
         publisher_kwargs(out_topic = "$way_out")
     )]
@@ -114,6 +116,7 @@ impl Exchange {
         Image,
         "$mware",
         "$way_in",
+        timeout_ms = 100_000,
         width = 64,
         height = 48,
         listener_kwargs(in_topic = "$way_in"),
@@ -142,6 +145,7 @@ impl Exchange {
         Image,
         "$mware",
         "$way_in",
+        timeout_ms = 100_000,
         jpg = true,
         listener_kwargs(in_topic = "$way_in"),
         publisher_kwargs(out_topic = "$way_out")
@@ -172,6 +176,7 @@ impl Exchange {
         AudioChunk,
         "$mware",
         "$way_in",
+        timeout_ms = 100_000,
         rate = 16000,
         channels = 2,
         listener_kwargs(in_topic = "$way_in"),
