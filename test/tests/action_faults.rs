@@ -78,10 +78,12 @@ fn goals_under_way_have_no_threads_of_their_own() -> Result {
         let send = format!("send --action {action} --order 20 --goals {GOALS}");
         let mut clients = Vec::new();
         for client in 1..=CLIENTS {
-            clients.push(ros.rclpy_actions(&send)?);
-            server.wait_until("its goals are under way", |output| {
+            let asks = ros.rclpy_actions(&send)?;
+            let under_way = server.wait_until("its goals are under way", |output| {
                 (output.events("goal").len() > client * GOALS).then_some(())
-            })?;
+            });
+            under_way.map_err(|error| error.context(asks.tail()))?;
+            clients.push(asks);
         }
         let under_way = threads(&bridge)?;
         let most = before + CLIENTS * GOALS / 2;
