@@ -141,8 +141,9 @@ fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE
 	@fuzz/run.sh
 
-# Most end-to-end tests wait for their peers most of the time: with two tests for each core, a part of it idles.
-TEST_THREADS := $(shell echo $$((3 * $$(nproc))))
+# Most end-to-end tests wait for their peers most of the time: with two tests for each core, a part of it idles. Eight are
+# the most, because the cores of a hired machine may be shared: with many tests at once, each runs out of its time then.
+TEST_THREADS := $(shell threads=$$((3 * $$(nproc))); echo $$((threads < 8 ? threads : 8)))
 
 # Compiled outside: the namespace has no network, should Cargo still have to fetch something.
 # The programs too, because the end-to-end tests start them; all in one command, because the programs alone
