@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, TestEnv, run, sha256, texts};
+use wrapyfi_e2e::{Need, Process, RealRos2, Result, TestEnv, run, sha256, texts};
 
 /// Needs of a test in which the Python twin of an example takes part.
 macro_rules! needs {
@@ -51,6 +51,41 @@ fn poses_go_through_a_plugin_of_the_users_own() -> Result {
         mirror.wait_until("the pose in Rust", |output| {
             output.out.iter().any(|line| line.starts_with("Pose2D { x_m: ")).then_some(())
         })
+    })
+}
+
+/// Waits for a line on stdout.
+fn prints(process: &Process, line: &str) -> Result {
+    process.wait_until(line, |output| output.out.iter().any(|one| one == line).then_some(()))
+}
+
+/// Types of folders, as structs that a build script wrote: real nodes of ROS 2 read them, and a service and an action go there
+/// and back.
+#[test]
+fn structs_of_a_build_script_meet_ros_2() -> Result {
+    const NEEDS: &[Need] = &[Need::Program, Need::Example("zones"), Need::Python, Need::Kilted];
+    run("structs_of_a_build_script_meet_ros_2", NEEDS, |env| {
+        let ros = RealRos2::kilted(env)?;
+        let of_zones = "--topic /zones/keep_out --type geometry_msgs/msg/PolygonStamped";
+        {
+            let _zones = env.example("zones", "publish")?;
+            let hears = ros.rclpy(&format!("subscribe {of_zones}"), None)?;
+            let zone = hears.event("message")?["value"].clone();
+            assert_eq!(zone["header"]["frame_id"], "map");
+            assert_eq!(zone["polygon"]["points"][2], json!({"x": 2.0, "y": 2.0, "z": 0.0}));
+        }
+        let listens = env.example("zones", "listen")?;
+        let zone = r#"{"header": {"frame_id": "hall"}, "polygon": {"points": [{"x": 0.5}]}}"#;
+        let _publisher = ros.rclpy(&format!("publish {of_zones}"), Some(zone))?;
+        prints(&listens, "hall Some(Point32 { x: 0.5, y: 0.0, z: 0.0 })")?;
+
+        let serves = env.example("zones", "serve")?;
+        prints(&env.example("zones", "call")?, "3 left: kitchen was empty")?;
+        prints(&serves, "Clear_Request { kind: 1, zone: \"kitchen\" }")?;
+        let _patrols = env.example("zones", "patrol")?;
+        let sends = env.example("zones", "send")?;
+        prints(&sends, "corner 3")?;
+        prints(&sends, "succeeded: 8 m")
     })
 }
 

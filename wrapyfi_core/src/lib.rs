@@ -173,9 +173,9 @@ pub mod types {
         AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
         Image, Labelled, LabelledContent, MAX_DEPTH, MAX_ROS_TYPES, Map, MessageType, NativeObject,
         NumpyArray, Origin, ParameterValue, ParseDateTimeError, ParseTypeError, Payload, Picture,
-        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, RosAction,
-        RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
-        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
-        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
+        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, ReadError,
+        RosAction, RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat,
+        ServiceKind, ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable,
+        fields_of, fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
     };
 }

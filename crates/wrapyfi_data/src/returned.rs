@@ -5,17 +5,14 @@
 //!   R ◀─ from_payload ─ types::Payload ◀── listener
 //! ```
 
-use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
-
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::codec::{ConvertError, EncodeError};
-use crate::types::{self, AudioChunk, DataType, RosType, TypedError, from_value, to_value};
-use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::CdrError;
-use wrapyfi_interfaces::store::TypeStore;
+use crate::types::{
+    self, AudioChunk, DataType, ReadError, RosTypeError, TypedError, from_value, to_value,
+};
+use wrapyfi_interfaces::{GeneratedType, Message};
 
 /// The data types of `#[register]` as types.
 pub mod kind {
@@ -79,8 +76,8 @@ pub mod kind {
             generated messages of `wrapyfi_interfaces` and `types::RosMessage`"
 )]
 pub trait Returned<K>: Sized {
-    /// Name of the ROS type that the Rust type is, where it is one.
-    const ROS_TYPE: Option<&'static str> = None;
+    /// ROS type that the Rust type is, where it is one.
+    const ROS_TYPE: Option<GeneratedType> = None;
 
     /// Converts the value to a message; `None` where none is to be sent.
     ///
@@ -114,12 +111,12 @@ pub enum PayloadError {
     /// The native object does not fit the Rust type, or the Rust value cannot be a native object.
     #[error(transparent)]
     Typed(#[from] TypedError),
-    /// The message is of another kind, of another ROS type, or of another definition of it.
+    /// The message is of another kind.
     #[error("{actual} where {expected} should be")]
     Kind {
-        /// Data type that the method is registered under, or its ROS type.
+        /// Data type that the method is registered under.
         expected: String,
-        /// Data type or ROS type of the message.
+        /// Data type of the message.
         actual: String,
     },
     /// An image or a sound differs from an option.
@@ -134,17 +131,12 @@ pub enum PayloadError {
         /// Value that was found.
         actual: String,
     },
-    /// The bytes are no message of their type.
+    /// The message is of another ROS type, or no message of it.
     #[error(transparent)]
-    Cdr(#[from] CdrError),
+    Message(#[from] ReadError),
     /// The definition of a generated message cannot be used.
-    #[error("{name} cannot be used: {reason}")]
-    Definition {
-        /// The type.
-        name: &'static str,
-        /// Cause.
-        reason: String,
-    },
+    #[error(transparent)]
+    Definition(#[from] RosTypeError),
     /// The middleware has no form for the value.
     #[error(transparent)]
     Encode(#[from] EncodeError),
@@ -216,43 +208,16 @@ optional! {
 }
 
 impl<M: Message> Returned<kind::RosMessage> for M {
-    const ROS_TYPE: Option<&'static str> = Some(<M as Message>::ROS_TYPE);
+    const ROS_TYPE: Option<GeneratedType> = Some(GeneratedType::of::<M>());
 
     fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
-        let ros_type = generated(<M as Message>::ROS_TYPE)?;
-        Ok(Some(types::RosMessage::new(ros_type, self.encode().to_bytes()).into()))
+        Ok(Some(types::RosMessage::of(self)?.into()))
     }
 
     fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
         let message = <types::RosMessage as Returned<kind::RosMessage>>::from_payload(payload)?;
-        if message.ros_type.type_hash() != M::TYPE_HASH {
-            let (name, hash) = (message.ros_type.name(), message.ros_type.type_hash());
-            return Err(PayloadError::Kind {
-                expected: format!("one of {} ({})", <M as Message>::ROS_TYPE, M::TYPE_HASH),
-                actual: format!("a message of {name} ({hash})"),
-            });
-        }
-        // The middleware has checked the size of the message.
-        Ok(M::decode(&message.cdr, message.cdr.len())?)
+        Ok(message.read()?)
     }
-}
-
-/// Type of a generated message, looked up once.
-///
-/// # Errors
-/// When no definition has that name, or it cannot be used.
-pub fn generated(name: &'static str) -> Result<RosType, PayloadError> {
-    static KNOWN: Mutex<BTreeMap<&'static str, RosType>> = Mutex::new(BTreeMap::new());
-    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(ros_type) = known.get(name) {
-        return Ok(*ros_type);
-    }
-    let unusable = |reason: String| PayloadError::Definition { name, reason };
-    let resolved = TypeStore::generated().resolve_name(name);
-    let resolved = resolved.map_err(|error| unusable(error.to_string()))?;
-    let ros_type = RosType::new(&resolved).map_err(|error| unusable(error.to_string()))?;
-    known.insert(name, ros_type);
-    Ok(ros_type)
 }
 
 #[cfg(test)]
@@ -277,7 +242,7 @@ mod tests {
         type Text = wrapyfi_interfaces::std_msgs::msg::String;
         let twist = Twist { linear: Vector3 { x: 1.5, ..Vector3::default() }, ..Twist::default() };
         assert_eq!(
-            <Twist as Returned<kind::RosMessage>>::ROS_TYPE,
+            <Twist as Returned<kind::RosMessage>>::ROS_TYPE.map(|of| of.name),
             Some("geometry_msgs/msg/Twist")
         );
         assert_eq!(<types::RosMessage as Returned<kind::RosMessage>>::ROS_TYPE, None);
@@ -293,7 +258,7 @@ mod tests {
         assert!(error.contains("where one of std_msgs/msg/String (RIHS01_"), "{error}");
         let cut = types::RosMessage::new(by_name.ros_type, by_name.cdr.slice(..12));
         let cut: Result<Twist, _> = Returned::<kind::RosMessage>::from_payload(cut.into());
-        assert!(matches!(cut, Err(PayloadError::Cdr(_))), "{cut:?}");
+        assert!(matches!(cut, Err(PayloadError::Message(ReadError::Cdr(_)))), "{cut:?}");
     }
 
     #[test]

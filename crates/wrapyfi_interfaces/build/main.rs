@@ -23,14 +23,17 @@ mod hash;
 #[allow(dead_code, unreachable_pub, unused_imports)]
 #[path = "../src/parser/mod.rs"]
 mod parser;
+#[allow(unreachable_pub)]
+#[path = "../src/build/rust.rs"]
 mod rust;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use parser::{Dialect, InterfaceKind, MessageDefinition, ParseError, ParseFault, TypeName};
+use parser::{Dialect, InterfaceKind, ParseError, ParseFault, TypeName};
+use rust::Definitions;
 
 /// Error of the generator.
 #[derive(Debug, thiserror::Error)]
@@ -45,14 +48,10 @@ enum BuildError {
     #[error("{}: {source}", path.display())]
     Parse { path: PathBuf, source: Box<ParseError> },
     #[error(transparent)]
-    Describe(#[from] description::DescribeError),
-    #[error(transparent)]
     Generate(#[from] rust::GenerateError),
     #[error("environment variable {name}: {source}; run the build script through cargo")]
     Environment { name: &'static str, source: env::VarError },
 }
-
-type Definitions = BTreeMap<TypeName, MessageDefinition>;
 
 /// Text of each file by its path below the folder of packages, for instance `std_msgs/msg/Header.msg`.
 type Texts = BTreeMap<String, String>;
@@ -74,6 +73,7 @@ fn run() -> Result<(), BuildError> {
     let root = variable("CARGO_MANIFEST_DIR")?;
     let out = variable("OUT_DIR")?;
     println!("cargo::rerun-if-changed=build");
+    println!("cargo::rerun-if-changed=src/build/rust.rs");
     println!("cargo::rerun-if-changed=src/parser");
     println!("cargo::rerun-if-changed=src/description.rs");
     println!("cargo::rerun-if-changed=src/hash.rs");
@@ -81,14 +81,18 @@ fn run() -> Result<(), BuildError> {
     let (mut definitions, mut texts) = (Definitions::new(), Texts::new());
     read_package(&root.join("wrapyfi_msgs"), &mut definitions, &mut texts)?;
     read_packages(&root.join("interfaces"), &mut definitions, &mut texts)?;
-    write(&out.join("interfaces.rs"), &rust::modules(&definitions)?)?;
+    write(&out.join("interfaces.rs"), &modules(&definitions)?)?;
     write(&out.join("definitions.rs"), &format!("&{:#?}", texts.iter().collect::<Vec<_>>()))?;
 
     let golden = root.join("tests/data/interfaces");
     if golden.is_dir() {
         read_packages(&golden, &mut definitions, &mut Texts::new())?;
     }
-    write(&out.join("golden.rs"), &rust::modules(&definitions)?)
+    write(&out.join("golden.rs"), &modules(&definitions)?)
+}
+
+fn modules(definitions: &Definitions) -> Result<String, BuildError> {
+    Ok(rust::modules(definitions, &BTreeSet::new(), None)?)
 }
 
 fn read_packages(
@@ -102,7 +106,7 @@ fn read_packages(
     Ok(())
 }
 
-/// Reads `<package>/msg/*.msg` and `<package>/srv/*.srv`; the folder's name is the package's.
+/// Reads `<package>/msg/*.msg`, `<package>/srv/*.srv` and `<package>/action/*.action`; the folder's name is the package's.
 ///
 /// A service comes as its request, response and event, and under its own name as the message
 /// that holds these three, whose hash is that of the service.
@@ -112,9 +116,9 @@ fn read_package(
     texts: &mut Texts,
 ) -> Result<(), BuildError> {
     println!("cargo::rerun-if-changed={}", package.display());
-    for kind in [InterfaceKind::Message, InterfaceKind::Service] {
+    for kind in InterfaceKind::ALL {
         let folder = package.join(kind.as_str());
-        // Actions are not generated; most packages have one kind only.
+        // Most packages have one kind only.
         if !folder.is_dir() {
             continue;
         }

@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use bytes::Bytes;
 
 use crate::cdr::{CdrError, CdrParts, CdrReader, CdrValue, CdrWriter};
+use crate::store::TypeStore;
 
 /// A ROS 2 message.
 ///
@@ -21,6 +22,11 @@ pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
     /// REP-2016 hash, `RIHS01_…`, computed from the definition at build time.
     const TYPE_HASH: &'static str;
 
+    /// A store that has the definition of the type.
+    fn types() -> TypeStore {
+        TypeStore::generated()
+    }
+
     /// The serialised message with its encapsulation header. Large `uint8[]` fields are shared.
     fn encode(&self) -> CdrParts {
         let mut writer = CdrWriter::new();
@@ -35,6 +41,35 @@ pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
     /// When `cdr` is too large, not plain CDR, or not a message of this type.
     fn decode(cdr: &Bytes, max_bytes: usize) -> Result<Self, CdrError> {
         Self::read(&mut CdrReader::within(cdr, max_bytes)?)
+    }
+}
+
+/// A generated message as a value: its name, its hash and its definition.
+#[derive(Debug, Clone, Copy)]
+pub struct GeneratedType {
+    /// ROS name, for instance `sensor_msgs/msg/Image`.
+    pub name: &'static str,
+    /// REP-2016 hash.
+    pub hash: &'static str,
+    types: fn() -> TypeStore,
+}
+
+impl GeneratedType {
+    /// Type of a message.
+    pub const fn of<M: Message>() -> Self {
+        Self { name: M::ROS_TYPE, hash: M::TYPE_HASH, types: M::types }
+    }
+
+    /// A store that has its definition.
+    pub fn types(&self) -> TypeStore {
+        (self.types)()
+    }
+}
+
+/// Types of one name and hash are one.
+impl PartialEq for GeneratedType {
+    fn eq(&self, other: &Self) -> bool {
+        (self.name, self.hash) == (other.name, other.hash)
     }
 }
 
@@ -58,6 +93,34 @@ pub trait Service {
     const ROS_TYPE: &'static str;
     /// REP-2016 hash of the service as a whole. Endpoints announce those of
     /// [`Request`](Self::Request) and [`Response`](Self::Response) instead.
+    const TYPE_HASH: &'static str;
+}
+
+/// A ROS 2 action: what is asked, answered and told meanwhile, and the types that carry these.
+///
+/// ```
+/// use wrapyfi_interfaces::{Action, Message, Service};
+/// /// Types of the topics and services of an action.
+/// fn carriers<A: Action>() -> [&'static str; 3] {
+///     [A::SendGoal::ROS_TYPE, A::GetResult::ROS_TYPE, A::FeedbackMessage::ROS_TYPE]
+/// }
+/// ```
+pub trait Action {
+    /// Message that a client asks with.
+    type Goal: Message;
+    /// Message that the server ends a goal with.
+    type Result: Message;
+    /// Message that the server tells meanwhile.
+    type Feedback: Message;
+    /// Service that takes a goal with its id.
+    type SendGoal: Service;
+    /// Service that answers once the goal has ended.
+    type GetResult: Service;
+    /// Message of the feedback topic: feedback with the id of its goal.
+    type FeedbackMessage: Message;
+    /// ROS name, for instance `example_interfaces/action/Fibonacci`.
+    const ROS_TYPE: &'static str;
+    /// REP-2016 hash of the action as a whole.
     const TYPE_HASH: &'static str;
 }
 

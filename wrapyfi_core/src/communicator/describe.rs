@@ -3,6 +3,7 @@
 use super::error::ActivateError;
 use wrapyfi_data::{did_you_mean, types::DataType};
 use wrapyfi_endpoint::method::Literal;
+use wrapyfi_interfaces::GeneratedType;
 
 /// A type with registered methods.
 ///
@@ -47,8 +48,8 @@ pub struct Register {
     pub topic: &'static str,
     /// Options as written.
     pub options: &'static [(&'static str, Literal)],
-    /// ROS name of the returned type, where that is a generated message.
-    pub ros_type: Option<&'static str>,
+    /// ROS type of the returned value, where that is a generated message.
+    pub ros_type: Option<GeneratedType>,
 }
 
 /// The enum of a type's registered methods; implemented by `#[communicator]`.

@@ -32,8 +32,7 @@ use super::wait::Stop;
 use wrapyfi_data::Limits;
 use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::did_you_mean;
-use wrapyfi_data::returned::generated;
-use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_data::types::{DataType, MessageType, RosType, ServiceKind};
 use wrapyfi_endpoint::StartError;
 use wrapyfi_endpoint::method::{EndpointNeeds, Source};
 use wrapyfi_endpoint::method::{OptionError, Options};
@@ -368,13 +367,16 @@ impl Opening<'_> {
             fault(name, format!("a type whose definition is found: {reason}"))
         };
         let ros_type = match (value.ros_type, written) {
-            (Some(own), Some(other)) if own != other => {
+            (Some(own), Some(other)) if own.name != other => {
+                let own = own.name;
                 let wanted = format!("{own}, which is what the method returns, or left out");
                 return Err(fault(other, wanted));
             }
             // The definition is the one that the Rust type was generated from, whatever is
             // installed.
-            (Some(own), _) => generated(own).map_err(|error| unusable(own, error.to_string()))?,
+            (Some(own), _) => {
+                RosType::generated(own).map_err(|error| unusable(own.name, error.to_string()))?
+            }
             (None, written) => {
                 let name = written.ok_or_else(untyped)?;
                 self.context.ros_type(name).map_err(|error| unusable(name, error.to_string()))?

@@ -10,6 +10,7 @@ use super::error::MethodError;
 use wrapyfi_data::types::{DataType, TypedError, Value, to_value};
 use wrapyfi_endpoint::Role;
 use wrapyfi_endpoint::method::{OptionError, OptionValue, Options};
+use wrapyfi_interfaces::GeneratedType;
 
 /// An argument of a call: its place and value.
 pub type Given = (usize, Result<Value, TypedError>);
@@ -31,8 +32,8 @@ pub struct Resolved {
     pub middleware: Option<String>,
     /// Name of the topic.
     pub topic: String,
-    /// ROS name of the returned type, where that is a generated message.
-    pub ros_type: Option<&'static str>,
+    /// ROS type of the returned value, where that is a generated message.
+    pub ros_type: Option<GeneratedType>,
     /// `None` for messages and functions; for an action, whether its body has feedback.
     pub action: Option<bool>,
     /// Options of both sides.

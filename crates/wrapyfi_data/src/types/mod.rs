@@ -70,7 +70,7 @@ pub use parameter_message::UnknownType;
 pub use payload::{DataType, MessageType, MessageTypeError, ParseTypeError, Payload};
 pub use properties::{Properties, PropertiesError};
 pub use ros_action::RosAction;
-pub use ros_message::RosMessage;
+pub use ros_message::{ReadError, RosMessage};
 pub use ros_service::RosService;
 pub use ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
 pub use ros_value::{RosValueError, fields_of, fields_of_call, fields_of_return, value_of};

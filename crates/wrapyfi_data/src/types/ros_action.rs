@@ -10,10 +10,11 @@ use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::{Action, Message as _, Service as _};
 
 use super::RosService;
 use super::payload::MessageTypeError;
-use super::ros_type::{Interned, RosType, RosTypeError, intern, interned};
+use super::ros_type::{Interned, RosType, RosTypeError, defined, intern, interned};
 
 /// A ROS 2 action type with its parts, kept as [`RosType`] is.
 ///
@@ -93,6 +94,17 @@ impl RosAction {
             })
         });
         known.map(Self)
+    }
+
+    /// Type of a generated action.
+    ///
+    /// # Errors
+    /// When its definition cannot be compiled, or [`super::MAX_ROS_TYPES`] are known.
+    pub fn of<A: Action>() -> Result<Self, RosTypeError> {
+        match Self::known(A::ROS_TYPE, A::SendGoal::TYPE_HASH) {
+            Some(known) => Ok(known),
+            None => Self::new(&defined(A::ROS_TYPE, A::Goal::types())?),
+        }
     }
 
     /// Looks an action type up in `store` by its name, for instance `example_interfaces/action/Fibonacci`.

@@ -8,10 +8,11 @@
 //! ```
 
 use bytes::Bytes;
+use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader};
 use wrapyfi_interfaces::dynamic::{DynamicMessage, ValueError};
 
-use super::ros_type::RosType;
+use super::ros_type::{RosType, RosTypeError};
 
 /// A message of a type known while running: encapsulation header and CDR body, as DDS carries them.
 ///
@@ -38,7 +39,57 @@ pub struct RosMessage {
     pub cdr: Bytes,
 }
 
+/// Error of reading a message as a generated type.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The message is of another type, or of another definition of it.
+    #[error("a message of {actual} where one of {expected} should be")]
+    Type {
+        /// Name and hash of the type that was asked for.
+        expected: String,
+        /// Name and hash of the type of the message.
+        actual: String,
+    },
+    /// The bytes are no message of the type.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+}
+
 impl RosMessage {
+    /// Makes a message of a struct that was generated from its definition.
+    ///
+    /// ```
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::RosMessage;
+    /// use wrapyfi_interfaces::geometry_msgs::msg::Vector3;
+    /// let up = Vector3 { z: 1.0, ..Vector3::default() };
+    /// let message = RosMessage::of(&up)?;
+    /// assert_eq!(message.read::<Vector3>()?, up);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`RosType::of`].
+    pub fn of<M: Message>(message: &M) -> Result<Self, RosTypeError> {
+        Ok(Self::new(RosType::of::<M>()?, message.encode().to_bytes()))
+    }
+
+    /// The message as a struct that was generated from its definition. Middlewares have checked its size.
+    ///
+    /// # Errors
+    /// When it is of another type, or no message of it.
+    pub fn read<M: Message>(&self) -> Result<M, ReadError> {
+        let (name, hash) = (self.ros_type.name(), self.ros_type.type_hash());
+        if hash != M::TYPE_HASH {
+            return Err(ReadError::Type {
+                expected: format!("{} ({})", M::ROS_TYPE, M::TYPE_HASH),
+                actual: format!("{name} ({hash})"),
+            });
+        }
+        Ok(M::decode(&self.cdr, self.cdr.len())?)
+    }
+
     /// Makes a message of its bytes, which are not checked until [`RosMessage::fields`].
     pub fn new(ros_type: RosType, cdr: impl Into<Bytes>) -> Self {
         Self { ros_type, cdr: cdr.into() }

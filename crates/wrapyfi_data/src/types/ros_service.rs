@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::store::ResolvedType;
+use wrapyfi_interfaces::{Message as _, Service};
 
-use super::ros_type::{Interned, RosType, RosTypeError, intern, interned};
+use super::ros_type::{Interned, RosType, RosTypeError, defined, intern, interned};
 
 /// A ROS 2 service type with its request and its response, kept as [`RosType`] is.
 ///
@@ -59,6 +60,17 @@ impl RosService {
             Ok(Known { name: name.to_owned(), resolved: resolved.clone(), request, response })
         });
         known.map(Self)
+    }
+
+    /// Type of a generated service.
+    ///
+    /// # Errors
+    /// When its definition cannot be compiled, or [`super::MAX_ROS_TYPES`] are known.
+    pub fn of<S: Service>() -> Result<Self, RosTypeError> {
+        match Self::known(S::ROS_TYPE, S::TYPE_HASH) {
+            Some(known) => Ok(known),
+            None => Self::new(&defined(S::ROS_TYPE, S::Request::types())?),
+        }
     }
 
     /// The service that takes a `request` and gives a `response`, which the definition has as parts.

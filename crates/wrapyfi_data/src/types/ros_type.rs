@@ -14,7 +14,8 @@ use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::dynamic::TypePlan;
 use wrapyfi_interfaces::parser::InterfaceKind;
-use wrapyfi_interfaces::store::ResolvedType;
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::{GeneratedType, Message};
 
 /// Largest number of types that a process may know.
 pub const MAX_ROS_TYPES: usize = 10_000;
@@ -86,6 +87,12 @@ pub(super) fn intern<T>(
     Ok(known)
 }
 
+/// Definition of a generated type.
+pub(super) fn defined(name: &str, mut store: TypeStore) -> Result<ResolvedType, RosTypeError> {
+    let found = store.resolve_name(name);
+    found.map_err(|fault| RosTypeError(format!("{name} cannot be used: {fault}")))
+}
+
 static TYPES: Interned<Known> = Mutex::new(BTreeMap::new());
 
 impl RosType {
@@ -126,6 +133,34 @@ impl RosType {
             })
         });
         known.map(Self)
+    }
+
+    /// Type of a generated message.
+    ///
+    /// ```
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::{MessageType, RosType};
+    /// use wrapyfi_interfaces::geometry_msgs::msg::Twist;
+    /// let kind = MessageType::Ros(RosType::of::<Twist>()?);
+    /// assert_eq!(kind.to_string(), "geometry_msgs/msg/Twist");
+    /// # Ok::<(), wrapyfi_data::types::RosTypeError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When the definition cannot be compiled, or [`MAX_ROS_TYPES`] are known.
+    pub fn of<M: Message>() -> Result<Self, RosTypeError> {
+        Self::generated(GeneratedType::of::<M>())
+    }
+
+    /// As [`RosType::of`], of a type that is a value.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn generated(of: GeneratedType) -> Result<Self, RosTypeError> {
+        match Self::known(of.name, of.hash) {
+            Some(known) => Ok(known),
+            None => Self::new(&defined(of.name, of.types())?),
+        }
     }
 
     /// ROS name, for instance `sensor_msgs/msg/JointState`.

@@ -19,12 +19,14 @@ mod reader;
 mod value;
 mod writer;
 
+/// Bytes of `uint8[]` fields.
+pub use bytes::Bytes;
 pub use error::CdrError;
 pub(crate) use error::{path_in_element, path_in_field};
 pub use parts::{CdrParts, ENCAPSULATION_SIZE};
 pub use primitive::{ByteOrder, CdrPrimitive};
 pub use reader::CdrReader;
-pub use value::CdrValue;
+pub use value::{CdrValue, WString};
 pub use writer::CdrWriter;
 
 #[cfg(test)]

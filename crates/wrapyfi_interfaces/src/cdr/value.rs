@@ -70,6 +70,28 @@ impl CdrValue for String {
     }
 }
 
+/// A `wstring`: text that goes as UTF-16.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct WString(pub String);
+
+impl From<&str> for WString {
+    fn from(text: &str) -> Self {
+        Self(text.to_owned())
+    }
+}
+
+impl CdrValue for WString {
+    const MIN_SIZE: usize = size_of::<u32>();
+
+    fn write(&self, writer: &mut CdrWriter) {
+        writer.write_wstring(&self.0);
+    }
+
+    fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+        reader.read_wstring().map(Self)
+    }
+}
+
 /// Sequence of bytes. A large one is shared on the way out, any on the way in.
 impl CdrValue for Bytes {
     const MIN_SIZE: usize = size_of::<u32>();

@@ -112,10 +112,14 @@ impl TypeStore {
     /// A store of the types that this crate has structs for. It reads no files, and knows the same
     /// on a machine without ROS.
     pub fn generated() -> Self {
-        let files: BTreeMap<PathBuf, String> = GENERATED
-            .iter()
-            .map(|(path, text)| (PathBuf::from(path), (*text).to_owned()))
-            .collect();
+        Self::of_texts(GENERATED)
+    }
+
+    /// A store of ROS 2 definition files that are given by their paths, for instance `std_msgs/msg/Header.msg`, and
+    /// their texts. It reads no others.
+    pub fn of_texts(files: &[(&str, &str)]) -> Self {
+        let files: BTreeMap<PathBuf, String> =
+            files.iter().map(|(path, text)| (PathBuf::from(path), (*text).to_owned())).collect();
         let mut store = Self::new(Dialect::Ros2, files);
         store.add_folder(Path::new(""));
         store
@@ -318,6 +322,11 @@ impl TypeStore {
             });
         }
         Ok(sources)
+    }
+
+    /// Path of the file that defines a type in a place of this store.
+    pub(crate) fn file(&self, name: &TypeName) -> Result<Option<PathBuf>, ResolveError> {
+        Ok(self.read_here(name, &mut Vec::new())?.map(|(_, path)| path))
     }
 
     /// Text of the definition file of a type, here or in the rest.

@@ -7,7 +7,6 @@
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
-use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::{Message, Service};
 
 use super::{ParameterClientError, ParameterResult, ServiceOptions};
@@ -17,9 +16,7 @@ use crate::service::Ros2Client;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
 use wrapyfi_endpoint::wire_client::WireClient;
-use wrapyfi_endpoint::{
-    CallError, Client, Context, OpenError, Reply, Request, ServiceSpec, Ticket, Wake,
-};
+use wrapyfi_endpoint::{CallError, Client, Context, Reply, Request, ServiceSpec, Ticket, Wake};
 use wrapyfi_node::parameters::ParameterService;
 
 pub(super) struct Asker<S> {
@@ -41,7 +38,9 @@ impl<S: Service> Asker<S> {
         wake: &Wake,
     ) -> ParameterResult<Self> {
         let name = which.name();
-        let service = service::<S>()?;
+        let service = RosService::of::<S>().map_err(|error| {
+            no_service(&ServiceSpec::new(S::ROS_TYPE, ServiceKind::NativeObject), &error)
+        })?;
         let spec = ServiceSpec {
             timeout: options.timeout,
             limits: Limits { message_bytes: options.max_bytes, ..Limits::default() },
@@ -112,12 +111,4 @@ impl<S: Service> Asker<S> {
         };
         S::Response::decode(&message.cdr, usize::MAX).map_err(|e| self.fault(e.to_string()))
     }
-}
-
-fn service<S: Service>() -> Result<RosService, OpenError> {
-    let refused = |error: &dyn std::error::Error| {
-        no_service(&ServiceSpec::new(S::ROS_TYPE, ServiceKind::NativeObject), error)
-    };
-    let resolved = TypeStore::generated().resolve_name(S::ROS_TYPE);
-    RosService::new(&resolved.map_err(|error| refused(&error))?).map_err(|error| refused(&error))
 }
