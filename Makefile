@@ -207,7 +207,7 @@ test-colcon:
 	@test/colcon.sh
 
 # Built outside: the namespace has no network.
-bench: setup-build | target/COLCON_IGNORE
+bench: setup-test | target/COLCON_IGNORE
 	@$(CARGO) build --release --locked --package wrapyfi_bridge --package wrapyfi_bench
 	@scripts/lo-namespace.sh target/release/wrapyfi_bench $(BENCH_ARGS)
 

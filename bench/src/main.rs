@@ -20,7 +20,7 @@ mod worker;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use clap::{Parser, Subcommand};
 
 use case::Case;
@@ -133,7 +133,9 @@ fn run(cli: &Cli) -> Result<()> {
     let (mut loads, mut coding) = (vec![proc::load()], String::new());
     let mut python = None;
     if wants("micro") || cases.iter().any(|case| case.way.is_python()) {
-        python = notes.some("Python Wrapyfi", Python::start(repository, folder.path()));
+        // Half of the rows compare with it.
+        let started = Python::start(repository, folder.path());
+        python = Some(started.context("Python Wrapyfi, which `make setup-test` installs")?);
     }
 
     // Bridged ways are compared with base64 of the same run.
@@ -205,5 +207,7 @@ fn run(cli: &Cli) -> Result<()> {
     report::put(&out.join("RESULTS.md"), &text)?;
     Notes::say(&format!("{:.0} s; results in {}", begin.elapsed().as_secs_f64(), out.display()));
     writeln!(std::io::stdout(), "{}", report::table(&targets))?;
+    let failed = notes.0.len();
+    ensure!(failed == 0, "{failed} parts or turns failed; the report names them");
     Ok(())
 }
