@@ -3,7 +3,8 @@
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Config, Need, Process, RealRos2, Result, Route, TestEnv, ros2, run, sha256, texts, zeromq,
+    Config, Need, Process, RealRos2, Result, Route, TestEnv, repository, ros2, run, sha256, texts,
+    zeromq,
 };
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Ros2];
@@ -59,6 +60,7 @@ under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     lifecycle_set_drives_the_bridge [Need::Ros2Package("ros2lifecycle")];
     launch_activates_the_bridge_as_a_lifecycle_node [Need::Ros2Package("launch_ros"), Need::Ros2Package("ros2lifecycle")];
     run_finds_the_nodes [Need::Ros2Package("ros2pkg"), Need::Ros2Package("ros2run")];
+    ros2_wrapyfi_is_our_program [];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
 }}
@@ -492,6 +494,22 @@ fn run_finds_the_nodes(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     })?;
     let mut check = ros.ros2(&["run", "wrapyfi_bridge", "wrapyfi", "--version"])?;
     check.exits_with(0)
+}
+
+/// With the registration of the package as `setup.py` writes it.
+fn ros2_wrapyfi_is_our_program(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let (package, copy) = (repository().join("wrapyfi_py"), env.path("wrapyfi_py"));
+    let (package, copy) = (package.display(), copy.display());
+    let install = format!("cp -r {package} {copy} && cd {copy} && python3 setup.py -q egg_info");
+    ros.shell(&install)?.exits_with(0)?;
+    let command = format!("PYTHONPATH={copy}:$PYTHONPATH ros2 wrapyfi");
+    let topic = env.topic("named");
+    let publish = ["pub", &ros2(&topic), "--type", STRING, "--value", r#"{"data": "x"}"#];
+    let _publisher = ros.wrapyfi(publish)?.pillar();
+    let mut list = ros.shell(&format!("{command} --log-level warn list ros2 --wait 5"))?;
+    list.exits_with(0)?;
+    assert!(list.stdout().contains(&topic), "{}", list.stdout());
+    ros.shell(&format!("{command} check {copy}/absent.yaml"))?.exits_with(2)
 }
 
 // Bags ------------------------------------------------------------------------------------------
