@@ -6,7 +6,7 @@
 //!          └─▶ OUT_DIR/ros_interfaces.rs ─▶ include_generated!() ─▶ fleet_msgs::msg::Order : Message
 //! ```
 //!
-//! What a type refers to comes with it. Of types that this crate has structs for (`std_msgs/msg/Header`) the source names
+//! All types that a type refers to come with it. Of types that this crate has structs for (`std_msgs/msg/Header`) the source names
 //! these, so that they are the same type everywhere; where the definition that is found differs, a struct is written.
 //!
 //! # Example
