@@ -28,9 +28,9 @@ use signal_hook::iterator::{Handle, Signals};
 use wrapyfi_data::types::{Map, Payload, Value};
 use wrapyfi_endpoint::{Context, WAITING};
 use wrapyfi_engine::{Plan, PlanDiff, RouteConfig, Spanned};
-use wrapyfi_interfaces::std_srvs::srv::Trigger_Response;
+use wrapyfi_interfaces::std_srvs::srv::Trigger;
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::wrapyfi_msgs::srv::{AddRoute_Response, RemoveRoute_Response};
+use wrapyfi_interfaces::wrapyfi_msgs::srv::{AddRoute, RemoveRoute};
 use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
@@ -371,9 +371,9 @@ impl Watch {
         let mut services = Vec::new();
         if is_on_ros2 && file.is_some() {
             services = vec![
-                (Asked::Reload, own.offer::<Trigger_Response>("reload")),
-                (Asked::AddRoute, own.offer::<AddRoute_Response>("add_route")),
-                (Asked::RemoveRoute, own.offer::<RemoveRoute_Response>("remove_route")),
+                (Asked::Reload, own.offer::<Trigger>("reload")),
+                (Asked::AddRoute, own.offer::<AddRoute>("add_route")),
+                (Asked::RemoveRoute, own.offer::<RemoveRoute>("remove_route")),
             ];
         }
         let mut managed = Managed::new(lifecycle.clone());

@@ -15,13 +15,11 @@ use std::time::Duration;
 
 use wrapyfi_interfaces::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use wrapyfi_interfaces::action_msgs::srv::CancelGoal;
-use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::{Message as _, Service as _};
 
 use super::ros2::NAME;
 use wrapyfi_data::DecodeResult;
 use wrapyfi_data::types::{
-    MessageType, MessageTypeError, RosMessage, RosService, RosType, ServiceKind,
+    MessageType, RosMessage, RosService, RosType, RosTypeError, ServiceKind,
 };
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
@@ -66,8 +64,10 @@ impl Parts {
     /// # Errors
     /// When the types that all actions have in common cannot be used.
     pub(super) fn of(spec: &ActionSpec) -> OpenResult<Self> {
-        let (cancel, states) = common_types()
-            .map_err(|error| OpenError::transport(NAME, &spec.action, error.to_string()))?;
+        let unusable =
+            |error: RosTypeError| OpenError::transport(NAME, &spec.action, error.to_string());
+        let cancel = RosService::of::<CancelGoal>().map_err(unusable)?;
+        let states = RosType::of::<GoalStatusArray>().map_err(unusable)?;
         let [send_goal, cancel_goal, get_result, feedback, status] = PARTS;
         let name = |part: &str| format!("{}{INFIX}{part}", spec.action);
         let service = |part: &str, service: RosService, pending: usize| ServiceSpec {
@@ -100,14 +100,6 @@ impl Parts {
             states,
         })
     }
-}
-
-/// Service that cancels goals, and type of their states.
-fn common_types() -> Result<(RosService, RosType), MessageTypeError> {
-    let mut types = TypeStore::generated();
-    let mut resolve = |name| types.resolve_name(name).map_err(Box::new);
-    let cancel_goal = RosService::new(&resolve(CancelGoal::ROS_TYPE)?)?;
-    Ok((cancel_goal, RosType::new(&resolve(GoalStatusArray::ROS_TYPE)?)?))
 }
 
 /// Context of the parts: the bell and the clock of the action, and counters of their own.
@@ -161,7 +153,8 @@ mod tests {
 
     #[test]
     fn types_of_all_actions_have_the_hashes_of_ros() {
-        let (cancel_goal, status) = common_types().unwrap();
+        let cancel_goal = RosService::of::<CancelGoal>().unwrap();
+        let status = RosType::of::<GoalStatusArray>().unwrap();
         let cancel = "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a";
         let array = "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e";
         assert_eq!(cancel_goal.resolved().type_hash(), cancel);

@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use wrapyfi_data::types::Map;
-use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::{ListRoutes, ListRoutes_Response};
 
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;
@@ -38,7 +38,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<()> {
     }
     let ros2 = ros2_hidden(&Endpoints::default().ros2())?;
     let (node, bridges) = the_bridge(&ros2, args.node.as_deref(), "top", &|| shutdown.requested())?;
-    let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
+    let mut asker = Asker::<ListRoutes>::open(&ros2, &node, LIST_ROUTES)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
     routes.update(asker.ask(Map::new(), ANSWERED_WITHIN).map_err(stopped::or)?.routes);
@@ -68,7 +68,7 @@ type Reply = (Instant, Result<ListRoutes_Response>);
 
 /// Asks once each `every` until the answer is not wanted any more.
 fn ask_again(
-    asker: &mut Asker<ListRoutes_Response>,
+    asker: &mut Asker<ListRoutes>,
     every: Duration,
     reply_to: &Sender<Reply>,
     goes_on: &Receiver<()>,

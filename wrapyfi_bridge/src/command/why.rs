@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use serde::Serialize;
 use wrapyfi_data::types::{Map, Value};
-use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain, Explain_Response};
 
 use crate::cli::WhyArgs;
 use crate::exit::{Failure, Result};
@@ -37,7 +37,7 @@ pub fn run(args: &WhyArgs) -> Result<()> {
 fn elsewhere(node: &str, name: &str) -> Result<Diagnosis> {
     let ros2 = ros2_hidden(&Endpoints::default().ros2())?;
     let (node, _) = the_bridge(&ros2, Some(node), "why", &|| false)?;
-    let mut asker = Asker::<Explain_Response>::open(&ros2, &node, "explain")?;
+    let mut asker = Asker::<Explain>::open(&ros2, &node, "explain")?;
     let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE);
     let reply = reply.map_err(stopped::or)?;
     let Explain_Response { known, way, passed, cause, what, who, remedy, .. } = reply;

@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Value};
+use wrapyfi_data::types::{Map, MessageType, Payload, RosService, ServiceKind, Value};
 use wrapyfi_endpoint::{
     Cause, Context, DiscoverError, Discovered, LearnError, Learned, Middleware, Request, Role,
     ServiceSpec,
@@ -17,7 +17,9 @@ use wrapyfi_engine::{RouteConfig, Spanned};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
-use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Response;
+use wrapyfi_interfaces::type_description_interfaces::srv::{
+    GetTypeDescription, GetTypeDescription_Response,
+};
 use wrapyfi_node::type_description::TypeDescriptions;
 use wrapyfi_ros1::{self as ros1, Ros1};
 
@@ -176,8 +178,7 @@ pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &m
         return;
     };
     let told = || -> anyhow::Result<ResolvedType> {
-        let kind = GetTypeDescription_Response::ROS_TYPE.trim_end_matches("_Response");
-        let kind = ServiceKind::resolve(kind, &mut TypeStore::generated())?;
+        let kind = ServiceKind::Ros(RosService::of::<GetTypeDescription>()?);
         let service = format!("{node}/{}", TypeDescriptions::SERVICE);
         let spec = ServiceSpec::new(&service, kind);
         let mut client = middleware.open_client(&spec, &Context::default())?;

@@ -11,13 +11,13 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_data::types::{MessageType, Payload, RosType};
 use wrapyfi_endpoint::{EndpointAddress, Listener, Qos, QueueSpec, Registry, Throttle, TopicSpec};
 use wrapyfi_engine::{BridgeRoutes, CarriedTopic, NetworkAddress};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::std_msgs::msg::String as Text;
 
-use super::{Advertise, Topic, client};
+use super::{Advertise, Topic};
 use crate::in_force::Running;
 use crate::node::GRAPH;
 
@@ -43,7 +43,7 @@ impl Circles {
     /// Begins to tell and to listen. What the middleware refuses is missing, which is logged.
     pub(super) fn new(own: &Advertise<'_>, latched: Qos) -> Self {
         let opened = || -> anyhow::Result<_> {
-            let ros_type = client::ros_type::<Text>().map_err(anyhow::Error::msg)?;
+            let ros_type = RosType::of::<Text>()?;
             let spec = TopicSpec {
                 qos: Qos {
                     history: wrapyfi_endpoint::History::KeepLast(MAX_BRIDGES as u32),

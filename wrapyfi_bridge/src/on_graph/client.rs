@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_data::types::{Map, Payload, RosType, ServiceKind};
+use wrapyfi_data::types::{Map, Payload, RosService, ServiceKind};
 use wrapyfi_endpoint::{
     CallError, Client, Context, DiscoverError, Middleware as _, Request, Role, ServiceSpec, Wake,
 };
-use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+use wrapyfi_interfaces::{Message as _, Service};
 use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::{Graph, ServiceMapping};
 
@@ -134,39 +133,31 @@ pub(crate) fn mappings(ros2: &dyn Graph, service: &str, is_client: bool) -> Vec<
     of_side.filter_map(|one| one.service_mapping).collect()
 }
 
-/// Type of messages `M`.
-pub(crate) fn ros_type<M: Message>() -> Result<RosType, String> {
-    let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
-    RosType::new(&resolved.map_err(|error| error.to_string())?).map_err(|error| error.to_string())
-}
-
 /// A service of a bridge's node, to be asked again and again.
-pub struct Asker<R> {
+pub struct Asker<S> {
     client: Box<dyn Client>,
     service: String,
-    reply: std::marker::PhantomData<R>,
+    kind: std::marker::PhantomData<S>,
 }
 
-impl<R: Message> Asker<R> {
+impl<S: Service> Asker<S> {
     /// Opens a client for a service (`explain`, `list_routes`) of the bridge whose node has this name.
     ///
     /// # Errors
     /// Exit code 2 when the name is none of a node.
     pub fn open(ros2: &Ros2, node: &str, service: &str) -> Result<Self> {
-        let type_name = R::ROS_TYPE.trim_end_matches("_Response");
-        let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
-        let kind = kind.map_err(Failure::usage)?;
+        let kind = ServiceKind::Ros(RosService::of::<S>().map_err(Failure::usage)?);
         let service = format!("/{}/{service}", node.trim_matches('/'));
         let spec = ServiceSpec::new(&service, kind);
         let client = ros2.open_client(&spec, &Context::default()).map_err(Failure::usage)?;
-        Ok(Self { client, service, reply: std::marker::PhantomData })
+        Ok(Self { client, service, kind: std::marker::PhantomData })
     }
 
     /// Asks, and waits for the answer.
     ///
     /// # Errors
     /// Exit code 3 when there is none in time, 1 when it is none that can be read.
-    pub fn ask(&mut self, fields: Map, timeout: Duration) -> Result<R> {
+    pub fn ask(&mut self, fields: Map, timeout: Duration) -> Result<S::Response> {
         let request = Request::default().with(fields);
         let reply = self.client.call(&request, timeout).map_err(|error| match error {
             CallError::TimedOut { .. } => Failure::TimedOut(format!(
@@ -175,9 +166,11 @@ impl<R: Message> Asker<R> {
             other => Failure::Failed(anyhow::Error::new(other)),
         })?;
         match &reply.payload {
-            Payload::RosMessage(message) => R::decode(&message.cdr, MAX_BYTES).map_err(|error| {
-                Failure::Failed(anyhow::Error::new(error).context(self.service.clone()))
-            }),
+            Payload::RosMessage(message) => {
+                S::Response::decode(&message.cdr, MAX_BYTES).map_err(|error| {
+                    Failure::Failed(anyhow::Error::new(error).context(self.service.clone()))
+                })
+            }
             _ => Err(Failure::Failed(anyhow::anyhow!("{} answered otherwise", self.service))),
         }
     }

@@ -9,8 +9,8 @@ use wrapyfi_interfaces::lifecycle_msgs::msg::{
     State as StateMessage, Transition as TransitionMessage, TransitionDescription, TransitionEvent,
 };
 use wrapyfi_interfaces::lifecycle_msgs::srv::{
-    ChangeState_Response, GetAvailableStates_Response, GetAvailableTransitions_Response,
-    GetState_Response,
+    ChangeState, ChangeState_Response, GetAvailableStates, GetAvailableStates_Response,
+    GetAvailableTransitions, GetAvailableTransitions_Response, GetState, GetState_Response,
 };
 
 use super::{Advertise, Offered, Topic};
@@ -43,10 +43,10 @@ impl Managed {
     /// Opens the endpoints. One that the middleware refuses is missing, which is logged.
     pub(crate) fn open(&mut self, own: &Advertise<'_>) {
         self.events = own.open::<TransitionEvent>("~/transition_event", Qos::default());
-        self.change = own.offer::<ChangeState_Response>("change_state");
-        self.state = own.offer::<GetState_Response>("get_state");
-        self.states = own.offer::<GetAvailableStates_Response>("get_available_states");
-        let transitions = |name| own.offer::<GetAvailableTransitions_Response>(name);
+        self.change = own.offer::<ChangeState>("change_state");
+        self.state = own.offer::<GetState>("get_state");
+        self.states = own.offer::<GetAvailableStates>("get_available_states");
+        let transitions = |name| own.offer::<GetAvailableTransitions>(name);
         self.available = transitions("get_available_transitions");
         self.graph = transitions("get_transition_graph");
     }

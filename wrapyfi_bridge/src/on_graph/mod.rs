@@ -30,19 +30,22 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
-use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
+use anyhow::Context as _;
+use wrapyfi_data::types::{
+    MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, Value,
+};
 use wrapyfi_endpoint::{
     BridgeMark, Context, Durability, EndpointAddress, History, IncomingRequest, Publisher, Qos,
     Registry, RequestId, Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
-use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
 use wrapyfi_interfaces::std_msgs::msg::Header;
-use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
-use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain_Response, ListRoutes_Response};
+use wrapyfi_interfaces::wrapyfi_msgs::srv::{
+    Explain, Explain_Response, ListRoutes, ListRoutes_Response,
+};
+use wrapyfi_interfaces::{Message, Service};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 use wrapyfi_ros2::NodeHandle;
@@ -114,8 +117,8 @@ impl OnGraph {
         let work = Work {
             diagnostics: diagnostics.map(|topic| (topic, Diagnostics::new(node.name().fqn()))),
             status: own.open::<BridgeStatus>("~/status", latched),
-            list: own.offer::<ListRoutes_Response>("list_routes"),
-            explain: own.offer::<Explain_Response>("explain"),
+            list: own.offer::<ListRoutes>("list_routes"),
+            explain: own.offer::<Explain>("explain"),
             circles: Circles::new(&own, latched),
             duplicate_nodes: DuplicateNodes::new(node, &registry),
             parts: parts.clone(),
@@ -361,7 +364,7 @@ impl Advertise<'_> {
     /// Opens a publisher of messages `M`.
     fn open<M: Message>(&self, name: &'static str, qos: Qos) -> Option<Topic> {
         let opened = || -> anyhow::Result<_> {
-            let ros_type = client::ros_type::<M>().map_err(anyhow::Error::msg)?;
+            let ros_type = RosType::of::<M>()?;
             let spec = TopicSpec::new(self.node.resolve_topic(name)?, MessageType::Ros(ros_type));
             let spec = TopicSpec { mark: mark(self.number), qos, ..spec };
             let publisher = self.registry.get(GRAPH)?.open_publisher(&spec, self.context)?;
@@ -370,14 +373,10 @@ impl Advertise<'_> {
         opened().inspect_err(|why| tracing::warn!("{name} is not published: {why}")).ok()
     }
 
-    /// Offers a service, whose replies are of type `R`.
-    pub(crate) fn offer<R: Message>(&self, service: &str) -> Option<Offered> {
+    /// Offers a service of type `S`.
+    pub(crate) fn offer<S: Service>(&self, service: &str) -> Option<Offered> {
         let opened = || -> anyhow::Result<_> {
-            let type_name = R::ROS_TYPE.trim_end_matches("_Response");
-            let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
-            let ServiceKind::Ros(known) = kind? else {
-                bail!("{type_name} is not what it was");
-            };
+            let known = RosService::of::<S>()?;
             let name = self.node.resolve_service(&format!("~/{service}"))?;
             let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
             let spec = ServiceSpec { mark: mark(self.number), ..spec };
@@ -425,7 +424,7 @@ mod tests {
     #[test]
     fn a_server_that_fails_each_time_does_not_keep_the_thread() {
         let tries = Arc::<AtomicUsize>::default();
-        let response = client::ros_type::<Explain_Response>().unwrap();
+        let response = RosType::of::<Explain_Response>().unwrap();
         let server = Box::new(Failing(Arc::clone(&tries)));
         let mut offered = Offered { server, response, refusals: Throttle::default() };
         assert!(offered.next().is_none());

@@ -8,13 +8,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use wrapyfi_data::types::{Map, Payload, RosMessage, ServiceKind, Value};
+use wrapyfi_data::types::{Map, Payload, RosMessage, RosService, ServiceKind, Value};
 use wrapyfi_endpoint::{
     Context, Discovered, LearnError, Middleware, Request, Role, ServiceSpec, TopicSpec,
 };
+use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::rcl_interfaces::srv::{GetParameters, GetParameters_Response};
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::{Message as _, Service as _};
 use wrapyfi_ros1::Ros1;
 
 use super::WayEnd;
@@ -129,7 +129,7 @@ pub(super) fn time_of_server(
 
 /// Parameter `use_sim_time` of a node of ROS 2; `None` where it does not tell.
 fn is_simulated(middleware: &dyn Middleware, node: &str) -> Option<bool> {
-    let kind = ServiceKind::resolve(GetParameters::ROS_TYPE, &mut TypeStore::generated()).ok()?;
+    let kind = ServiceKind::Ros(RosService::of::<GetParameters>().ok()?);
     let spec = ServiceSpec::new(format!("{node}/get_parameters"), kind);
     let mut client = middleware.open_client(&spec, &Context::default()).ok()?;
     let names = Value::List(vec![Value::from("use_sim_time")]);

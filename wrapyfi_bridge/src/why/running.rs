@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_data::types::{MessageType, Payload, RosType};
 use wrapyfi_endpoint::{
     CauseCode, Context, EndpointAddress, History, Interaction, Listener, Middleware as _, Qos,
     QosPreset, Role, TopicSpec,
@@ -17,7 +17,7 @@ use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::look::LOOK;
-use crate::on_graph::client::{mappings, node_of_status, only_foreign, ros_type};
+use crate::on_graph::client::{mappings, node_of_status, only_foreign};
 use crate::on_graph::info::cause;
 
 /// Most bytes of a status that are read.
@@ -49,7 +49,7 @@ pub(super) fn heard(
     find: Find<'_>,
     is_over: &dyn Fn(usize, bool) -> bool,
 ) -> BridgeReports {
-    let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
+    let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), RosType::of::<BridgeStatus>()) else {
         return BridgeReports::default();
     };
     discovery.only(Box::new(|name| node_of_status(name).is_some()));

@@ -1,10 +1,9 @@
 //! Routes of the demo.
 
-use anyhow::Context as _;
-use wrapyfi_data::types::{MessageType, ServiceKind};
+use wrapyfi_data::types::{MessageType, RosService, ServiceKind};
 use wrapyfi_endpoint::EndpointAddress;
 use wrapyfi_engine::{Plan, Route};
-use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::std_srvs::srv::SetBool;
 
 /// A topic of the demo.
 pub(super) struct Topic {
@@ -48,12 +47,9 @@ pub(super) const LIGHT: &str = "robot light";
 pub(super) const LIGHT_PORT: &str = "yarp:/robot/light/rpc";
 /// Name of that port's service on ROS 2.
 pub(super) const LIGHT_SERVICE: &str = "/robot/light";
-/// Type of that service.
-const LIGHT_TYPE: &str = "std_srvs/srv/SetBool";
-
 /// The robot's service: which of the common ones it is.
 pub(super) fn light() -> anyhow::Result<ServiceKind> {
-    ServiceKind::resolve(LIGHT_TYPE, &mut TypeStore::generated()).context(LIGHT_TYPE)
+    Ok(ServiceKind::Ros(RosService::of::<SetBool>()?))
 }
 
 /// The routes that the bridge runs.
@@ -88,6 +84,8 @@ mod tests {
         let ends = plan.routes.iter().flat_map(|route| [&route.from, &route.to]);
         assert!(ends.into_iter().all(|end| known.contains(&end.middleware.as_str())));
         let light = plan.routes.last().unwrap();
-        assert!(matches!(light.types, RouteTypes::Service(kind) if kind.ros_type() == LIGHT_TYPE));
+        assert!(
+            matches!(light.types, RouteTypes::Service(kind) if kind.ros_type() == "std_srvs/srv/SetBool")
+        );
     }
 }
