@@ -126,5 +126,5 @@ fn a_type_that_is_not_said_not_found_or_another_one_is_told() {
     assert!(text.contains("should be geometry_msgs/msg/Twist, which is what the method"), "{text}");
     here.activate(RobotMethod::Drive, Mode::Request).unwrap();
     let text = option(here.drive().unwrap_err());
-    assert!(text.contains("data type is ROSMessage, and should be NativeObject, Image"), "{text}");
+    assert!(text.contains("should be the type of a service, as package/srv/Type"), "{text}");
 }

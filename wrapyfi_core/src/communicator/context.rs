@@ -14,7 +14,7 @@ use super::config::Configuration;
 use super::runtime::Runtime;
 use super::wait::IsInterrupted;
 use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{MessageTypeError, RosAction, RosType};
+use wrapyfi_data::types::{MessageTypeError, RosAction, RosType, ServiceKind};
 use wrapyfi_endpoint::method::{EndpointNeeds, Source};
 use wrapyfi_endpoint::{Middleware, Mutex, Planned, StartError};
 #[cfg(feature = "engine")]
@@ -135,6 +135,11 @@ impl CommunicatorContext {
     /// Looks up the type of an action by its name.
     pub(super) fn ros_action(&self, name: &str) -> Result<RosAction, MessageTypeError> {
         RosAction::resolve(name, &mut self.0.types.lock())
+    }
+
+    /// Looks up the type of a service by its name.
+    pub(super) fn service_kind(&self, name: &str) -> Result<ServiceKind, MessageTypeError> {
+        ServiceKind::resolve(name, &mut self.0.types.lock())
     }
 
     pub(super) fn find(&self, name: &str) -> Found {

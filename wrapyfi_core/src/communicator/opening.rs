@@ -32,7 +32,7 @@ use super::wait::Stop;
 use wrapyfi_data::Limits;
 use wrapyfi_data::codec::Conversion;
 use wrapyfi_data::did_you_mean;
-use wrapyfi_data::types::{DataType, MessageType, RosType, ServiceKind};
+use wrapyfi_data::types::{DataType, MessageType, MessageTypeError, RosType, ServiceKind};
 use wrapyfi_endpoint::StartError;
 use wrapyfi_endpoint::method::{EndpointNeeds, Source};
 use wrapyfi_endpoint::method::{OptionError, Options};
@@ -422,20 +422,9 @@ impl Opening<'_> {
     ) -> Result<ServiceSpec, MethodError> {
         self.read(|| {
             let options = &end.options;
-            let kind = match options.word::<ServiceKind>("message_type")? {
-                Some(written) if written.data_type() == data_type => written,
-                Some(other) => return Err(other_kind("message_type", &other, data_type)),
-                None => match data_type {
-                    DataType::NativeObject => ServiceKind::NativeObject,
-                    DataType::AudioChunk => ServiceKind::AudioChunk,
-                    DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
-                    DataType::Image => ServiceKind::Image,
-                    DataType::Properties | DataType::RosMessage => {
-                        let wanted = "NativeObject, Image or AudioChunk in modes request and reply \
-                                      (a service of a ROS type is opened by `open_client` and `open_server` of a middleware)";
-                        return Err(OptionError::new("data type", data_type, wanted));
-                    }
-                },
+            let kind = match data_type {
+                DataType::RosMessage => self.ros_service(options)?,
+                _ => function_kind(data_type, options)?,
             };
             let timeout = options.number("timeout_ms")?.map(Duration::from_millis);
             Ok(ServiceSpec {
@@ -449,16 +438,18 @@ impl Opening<'_> {
         })
     }
 
+    /// Service of the ROS type that is written.
+    fn ros_service(&self, options: &Options) -> Result<ServiceKind, OptionError> {
+        let called =
+            Called { option: "message_type", a_type: "the type of a service", form: "srv" };
+        called.resolved(options, |name| self.context.service_kind(name))
+    }
+
     fn action_spec(&self, end: &EndpointSettings) -> Result<ActionSpec, OptionError> {
         let options = &end.options;
-        let unusable = |found: &dyn Display, wanted: &str| {
-            OptionError::new("action_type", found, format!("the type of an action{wanted}"))
-        };
-        let name = options.text("action_type")?;
-        let name = name.ok_or_else(|| unusable(&"not given", ", as package/action/Type"))?;
-        let kind = self.context.ros_action(name).map_err(|error| {
-            unusable(&format_args!("{name:?}"), &format!(" whose definition is found: {error}"))
-        })?;
+        let called =
+            Called { option: "action_type", a_type: "the type of an action", form: "action" };
+        let kind = called.resolved(options, |name| self.context.ros_action(name))?;
         Ok(ActionSpec {
             color_order: color_order(options)?,
             limits: end.limits,
@@ -481,5 +472,48 @@ impl Opening<'_> {
             method: self.method.clone(),
             source: Box::new(source),
         })
+    }
+}
+
+/// The type of a service or an action, as an option names it.
+struct Called {
+    option: &'static str,
+    a_type: &'static str,
+    form: &'static str,
+}
+
+impl Called {
+    fn resolved<T>(
+        &self,
+        options: &Options,
+        resolve: impl FnOnce(&str) -> Result<T, MessageTypeError>,
+    ) -> Result<T, OptionError> {
+        let Self { option, a_type, form } = self;
+        let Some(name) = options.text(option)? else {
+            let wanted = format!("{a_type}, as package/{form}/Type");
+            return Err(OptionError::new(option, "not given", wanted));
+        };
+        resolve(name).map_err(|error| {
+            let wanted = format!("{a_type} whose definition is found: {error}");
+            OptionError::new(option, format_args!("{name:?}"), wanted)
+        })
+    }
+}
+
+/// Service that is a function of Wrapyfi.
+fn function_kind(data_type: DataType, options: &Options) -> Result<ServiceKind, OptionError> {
+    match options.word::<ServiceKind>("message_type")? {
+        Some(written) if written.data_type() == data_type => Ok(written),
+        Some(other) => Err(other_kind("message_type", &other, data_type)),
+        None => match data_type {
+            DataType::NativeObject => Ok(ServiceKind::NativeObject),
+            DataType::AudioChunk => Ok(ServiceKind::AudioChunk),
+            DataType::Image if is_jpg(options)? => Ok(ServiceKind::CompressedImage),
+            DataType::Image => Ok(ServiceKind::Image),
+            DataType::Properties | DataType::RosMessage => {
+                let wanted = "NativeObject, Image, AudioChunk or a service of ROS in modes request and reply";
+                Err(OptionError::new("data type", data_type, wanted))
+            }
+        },
     }
 }
