@@ -15,7 +15,7 @@ use crate::exit::{Failure, Result};
 /// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
 /// this program is built with, so that the common ones need no ROS. Without an installed ROS 2 most of its
 /// messages are at hand as those of ROS 1, built in or below `ROS_PACKAGE_PATH`.
-pub(crate) fn store(folders: &[PathBuf]) -> TypeStore {
+pub fn store(folders: &[PathBuf]) -> TypeStore {
     let (folders, mut types) = (folders.to_vec(), None);
     of_ros2(&folders).or_made(move |name| {
         let types = types.get_or_insert_with(|| {

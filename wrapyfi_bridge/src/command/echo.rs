@@ -1,5 +1,6 @@
 //! `wrapyfi echo`: prints the messages of an endpoint.
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::{Map, MessageType, Payload};
@@ -16,6 +17,7 @@ use crate::exit::{Failure, Result};
 use crate::middlewares::{LearnTopicError, check_topic, for_endpoint, of_topic};
 use crate::node::GRAPH;
 use crate::output;
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
 /// Runs until `count` messages were printed, the time is out, or the process is asked to end.
@@ -34,7 +36,7 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<()> {
     let middleware = for_endpoint(&args.endpoint, Role::Listener, args.options.own)?;
     let message_type = match named {
         Some(message_type) => message_type,
-        None => match learned(args, &options, middleware.as_ref(), shutdown)? {
+        None => match learned(&topic(args), &options, middleware.as_ref(), shutdown)? {
             Some(message_type) => message_type,
             None => return Ok(()),
         },
@@ -42,18 +44,44 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<()> {
     print_all(args, (message_type, options), middleware.as_ref(), shutdown)
 }
 
-/// The type that the topic's publishers tell, or those who listen there; `None` when asked to end.
+/// A topic whose type is asked for.
+struct Untyped<'a> {
+    endpoint: &'a EndpointAddress,
+    definitions: &'a [PathBuf],
+    timeout: Option<Duration>,
+}
+
+fn topic(args: &EchoArgs) -> Untyped<'_> {
+    let EchoArgs { endpoint, definitions, timeout, .. } = args;
+    Untyped { endpoint, definitions, timeout: *timeout }
+}
+
+/// The type that the publishers of `endpoint` tell, or those who listen there; `None` when asked to end.
+///
+/// # Errors
+/// As [`run`].
+pub fn type_of(
+    endpoint: &EndpointAddress,
+    timeout: Option<Duration>,
+    shutdown: &Shutdown,
+) -> Result<Option<MessageType>> {
+    check_topic(endpoint)?;
+    let middleware = for_endpoint(endpoint, Role::Listener, OwnAddress::default())?;
+    let topic = Untyped { endpoint, definitions: &[], timeout };
+    learned(&topic, &Map::default(), middleware.as_ref(), shutdown)
+}
+
 fn learned(
-    args: &EchoArgs,
+    asked: &Untyped<'_>,
     options: &Map,
     middleware: &dyn Middleware,
     shutdown: &Shutdown,
 ) -> Result<Option<MessageType>> {
-    let EndpointAddress { middleware: name, name: topic } = &args.endpoint;
+    let EndpointAddress { middleware: name, name: topic } = asked.endpoint;
     let is_ros2 = name == GRAPH;
-    let mut types = definitions::of_command(&args.definitions)?;
-    let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let mut waiting = Waiting::new(&args.endpoint);
+    let mut types = definitions::of_command(asked.definitions)?;
+    let deadline = asked.timeout.map(|timeout| Instant::now() + timeout);
+    let mut waiting = Waiting::new(asked.endpoint);
     let is_over = |why: &LearnTopicError| {
         // Publishers on ROS 1 and YARP show their definitions.
         if is_ros2 && matches!(why, LearnTopicError::Untold(LearnError::Undefined { .. })) {
@@ -71,16 +99,16 @@ fn learned(
         Err(_) if shutdown.requested() => Ok(None),
         Err(LearnTopicError::Untold(LearnError::Untold(_))) => Err(Failure::Usage(format!(
             "--type is needed for {}, whose type {name} does not tell: {}",
-            args.endpoint,
+            asked.endpoint,
             MessageType::ALL.map(|known| known.to_string()).join(", ")
         ))),
         Err(LearnTopicError::Untold(LearnError::Undefined { type_name, .. })) if is_ros2 => {
-            definitions::message_type(&type_name, &args.definitions).map(Some)
+            definitions::message_type(&type_name, asked.definitions).map(Some)
         }
         Err(LearnTopicError::Discover(error)) => Err(Failure::usage(error)),
         Err(other) => Err(Failure::TimedOut(format!(
             "{}: still waiting for {}; give --type, or see `wrapyfi list {name}`",
-            args.endpoint,
+            asked.endpoint,
             awaited(&other)
         ))),
     }

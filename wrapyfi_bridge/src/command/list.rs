@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_endpoint::pattern::bare;
-use wrapyfi_endpoint::{Discovered, Interaction, Middleware, Wake};
+use wrapyfi_endpoint::{Cause, Discovered, Interaction, Middleware, Wake};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
@@ -45,13 +45,40 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
     of(args, None, None, shutdown)
 }
 
-/// As [`run`]: the endpoints of one interaction, or of one name, alone.
-pub(super) fn of(
+/// Endpoints that exist now: of one middleware, or of all that are expected here. Looks as [`run`] does.
+///
+/// # Errors
+/// As [`run`].
+pub fn endpoints(args: &ListArgs, shutdown: &Shutdown) -> Result<Vec<(&'static str, Discovered)>> {
+    let (sides, mut failures) = looked(args, None, shutdown)?;
+    let mut all = Vec::new();
+    for side in sides {
+        match side.watch.discovery.waiting_for() {
+            Some(what) => failures.push((side.name, unanswered(&what))),
+            None => all.extend(side.watch.found.into_iter().map(|one| (side.name, one))),
+        }
+    }
+    match failures.pop() {
+        Some((name, failure)) if args.middleware.is_some() => Err(named(name, failure)),
+        last => {
+            failures
+                .iter()
+                .chain(&last)
+                .for_each(|(name, failure)| tracing::warn!("{name}: {failure}"));
+            Ok(all)
+        }
+    }
+}
+
+/// Sides that could not be looked at, each with the reason.
+type Unseen = Vec<(&'static str, Failure)>;
+
+/// Looks at the sides that are asked for, of those that have an interaction.
+fn looked(
     args: &ListArgs,
     interaction: Option<Interaction>,
-    name: Option<&str>,
     shutdown: &Shutdown,
-) -> Result<()> {
+) -> Result<(Vec<Side>, Unseen)> {
     if let Some(middleware) = &args.middleware {
         args.own.check(middleware)?;
     }
@@ -94,8 +121,30 @@ pub(super) fn of(
         }
         wake.wait(deadline.saturating_duration_since(Instant::now()).min(WAIT_SLICE));
     }
+    Ok((sides, failures))
+}
+
+fn unanswered(what: &Cause) -> Failure {
+    Failure::TimedOut(format!("no answer from {what}"))
+}
+
+fn named(name: &str, failure: Failure) -> Failure {
+    match failure {
+        Failure::TimedOut(text) => Failure::TimedOut(format!("{name}: {text}")),
+        other => other,
+    }
+}
+
+/// As [`run`]: the endpoints of one interaction, or of one name, alone.
+pub(super) fn of(
+    args: &ListArgs,
+    interaction: Option<Interaction>,
+    name: Option<&str>,
+    shutdown: &Shutdown,
+) -> Result<()> {
+    let (sides, mut failures) = looked(args, interaction, shutdown)?;
     let mut out = String::new();
-    let mut looked = 0;
+    let mut told = 0;
     for side in &sides {
         let DiscoveryWatch { discovery, found, .. } = &side.watch;
         let is_meant = |one: &&Discovered| {
@@ -105,11 +154,10 @@ pub(super) fn of(
         let found: Vec<_> = found.iter().filter(is_meant).collect();
         match discovery.waiting_for() {
             Some(what) => {
-                let text = format!("no answer from {what}");
-                failures.push((side.name, Failure::TimedOut(text)));
+                failures.push((side.name, unanswered(&what)));
                 continue;
             }
-            None => looked += 1,
+            None => told += 1,
         }
         if args.json {
             lines(&mut out, side.name, &found)?;
@@ -122,10 +170,7 @@ pub(super) fn of(
     }
     match failures.pop() {
         // Nothing to show at all: that is the command's failure.
-        Some((name, failure)) if looked == 0 => Err(match failure {
-            Failure::TimedOut(text) => Failure::TimedOut(format!("{name}: {text}")),
-            other => other,
-        }),
+        Some((name, failure)) if told == 0 => Err(named(name, failure)),
         last => {
             for (name, failure) in failures.iter().chain(&last) {
                 tracing::warn!("{name}: {failure}");

@@ -13,7 +13,7 @@ pub mod bridge;
 pub mod broker;
 pub mod check;
 pub mod completions;
-pub(crate) mod definitions;
+pub mod definitions;
 pub mod demo;
 pub mod detect;
 pub mod echo;

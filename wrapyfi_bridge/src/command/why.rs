@@ -26,11 +26,18 @@ const ELSEWHERE: Duration = Duration::from_secs(5);
 /// where the bridge that was asked does not answer.
 pub fn run(args: &WhyArgs) -> Result<()> {
     let begin = Instant::now();
-    let diagnosis = match &args.node {
-        Some(node) => elsewhere(node, &args.name)?,
-        None => judge(&ask(args)?),
-    };
-    show(&diagnosis, args.json, begin)
+    show(&diagnosis(args)?, args.json, begin)
+}
+
+/// Diagnosis of a way: the things that are in place, and the first one that is missing.
+///
+/// # Errors
+/// As [`run`], where nothing can be said.
+pub fn diagnosis(args: &WhyArgs) -> Result<Diagnosis> {
+    match &args.node {
+        Some(node) => elsewhere(node, &args.name),
+        None => Ok(judge(&ask(args)?)),
+    }
 }
 
 /// Answer of a bridge that runs elsewhere on the graph.

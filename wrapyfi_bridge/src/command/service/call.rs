@@ -1,21 +1,23 @@
 //! `wrapyfi call`.
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Stamp, Value, fields_of_call};
-use wrapyfi_endpoint::{Call, CallError, Context, Role, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{Call, CallError, Context, EndpointAddress, Role, ServiceSpec, TopicSpec};
 use wrapyfi_yarp_endpoint as yarp;
 
 use super::{as_text, kind, value, wait};
 use crate::canonical::canonical;
-use crate::cli::CallArgs;
+use crate::cli::{CallArgs, ServicePorts};
 use crate::command::announced::Announced;
 use crate::command::echo::Waiting;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
 use crate::middlewares::{for_service, is_ros, option_names};
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
 use crate::words::words;
@@ -59,7 +61,11 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     let context = Context::default();
     let kind = match named {
         Some(kind) => kind,
-        None => match servers(args).learned(&*middleware, &context.wake, shutdown)? {
+        None => match servers(&args.endpoint, &args.definitions, args.timeout).learned(
+            &*middleware,
+            &context.wake,
+            shutdown,
+        )? {
             Some(kind) => {
                 check(&request, kind)?;
                 kind
@@ -103,12 +109,31 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
 }
 
-fn servers(args: &CallArgs) -> Announced<'_, ServiceKind> {
+/// The type that the servers of `endpoint` tell; `None` when asked to end.
+///
+/// # Errors
+/// As [`run`].
+pub fn type_of(
+    endpoint: &EndpointAddress,
+    timeout: Duration,
+    shutdown: &Shutdown,
+) -> Result<Option<ServiceKind>> {
+    let (ports, own) = (ServicePorts::default(), OwnAddress::default());
+    let middleware = for_service(endpoint, Role::Client, &ports, own)?;
+    let context = Context::default();
+    servers(endpoint, &[], timeout).learned(&*middleware, &context.wake, shutdown)
+}
+
+fn servers<'a>(
+    endpoint: &'a EndpointAddress,
+    definitions: &'a [PathBuf],
+    timeout: Duration,
+) -> Announced<'a, ServiceKind> {
     Announced {
-        endpoint: &args.endpoint,
+        endpoint,
         role: Role::Server,
-        definitions: &args.definitions,
-        timeout: args.timeout,
+        definitions,
+        timeout,
         learn: |middleware, one, types| middleware.learn_service(one, types),
     }
 }
