@@ -94,7 +94,7 @@ impl Installation {
     /// Nothing to source: the environment is the prefix, and each wheel has libraries in a folder of its own.
     fn wheels() -> Result<Self> {
         let prefix = repository().join(".venv-kilted");
-        let packages = prefix.join("lib/python3.11/site-packages");
+        let packages = &prefix.join("lib/python3.11/site-packages");
         let none = "no ROS 2 Kilted in .venv-kilted: run `make test` on x86_64 with Python 3.11";
         let mut libraries = vec![prefix.join("lib")];
         for entry in std::fs::read_dir(packages).context(none)? {
@@ -106,8 +106,8 @@ impl Installation {
         let environment = BTreeMap::from([
             ("AMENT_PREFIX_PATH".into(), prefix.clone().into_os_string()),
             ("LD_LIBRARY_PATH".into(), std::env::join_paths(libraries)?),
-            // Not that of another one, which may be sourced.
-            ("PYTHONPATH".into(), OsString::new()),
+            // Not those of another one, which may be sourced; for the interpreter that has Wrapyfi.
+            ("PYTHONPATH".into(), packages.clone().into_os_string()),
             ("ROS_DISTRO".into(), "kilted".into()),
             ("ROS_PYTHON_VERSION".into(), "3".into()),
             ("ROS_VERSION".into(), "2".into()),

@@ -44,7 +44,8 @@ pub(crate) fn chromium() -> Result<PathBuf> {
     found.context("there is no Chromium on the PATH: apt-get install chromium")
 }
 
-/// A folder below this one where Python finds the package `wrapyfi_rs`, as a wheel has it.
+/// A folder below this one where Python finds the package `wrapyfi_rs`, as a wheel has it, and begins with what its
+/// `.pth` file says.
 pub(crate) fn python_package(folder: &Path) -> Result<PathBuf> {
     let (all, sources) = (folder.join("python"), repository().join("wrapyfi_rs/python/wrapyfi_rs"));
     let package = all.join("wrapyfi_rs");
@@ -52,6 +53,9 @@ pub(crate) fn python_package(folder: &Path) -> Result<PathBuf> {
         return Ok(all);
     }
     std::fs::create_dir_all(&package)?;
+    let beside = repository().join("wrapyfi_rs/wrapyfi_rs.data/purelib");
+    let site = format!("import site; site.addsitedir({:?})\n", beside.display().to_string());
+    std::fs::write(all.join("sitecustomize.py"), site)?;
     let library = built("libwrapyfi_python.so", "WRAPYFI_PYTHON_LIBRARY")?;
     std::os::unix::fs::symlink(library, package.join("_native.abi3.so"))?;
     for entry in std::fs::read_dir(&sources)? {

@@ -107,6 +107,14 @@ impl<'w> RealRos2<'w> {
         self.env.start("python", self.command(&programs::python()?, args)?)
     }
 
+    /// Starts Wrapyfi's peer on the rclpy of this ROS 2; `args` are split at blanks.
+    pub fn wrapyfi_peer(&self, args: &str) -> Result<Process> {
+        let file = repository().join("test/peers/wrapyfi_peer.py").display().to_string();
+        let args: Vec<&str> =
+            std::iter::once(file.as_str()).chain(args.split_whitespace()).collect();
+        self.python(&args)
+    }
+
     /// Copies a library of the installation under another name, which programs find from now on.
     pub fn copy(&self, library: &str, name: &str) -> Result {
         let prefixes = self.installation.prefixes.iter();

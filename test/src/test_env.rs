@@ -280,14 +280,24 @@ impl TestEnv {
     /// As [`TestEnv::peer`], with the package `wrapyfi_rs` in place of Wrapyfi.
     pub fn our_peer(&self, script: &str, args: &str) -> Result<Process> {
         let file = repository().join("test/peers").join(script).display().to_string();
-        let mut command = self.our_python(&format!("-m wrapyfi_rs {file} {args}"))?;
+        let mut command =
+            self.our_python(format!("-m wrapyfi_rs {file} {args}").split_whitespace())?;
         self.cross_ports(&mut command, args);
+        self.start(script, command)
+    }
+
+    /// Runs a script of `examples/python`; `args` are split at blanks.
+    pub fn our_example(&self, script: &str, args: &str) -> Result<Process> {
+        let file = repository().join("examples/python").join(script).display().to_string();
+        let mut command = self.our_python(format!("{file} {args}").split_whitespace())?;
+        self.cross_ports(&mut command, &format!("--mode {args}"));
         self.start(script, command)
     }
 
     /// Runs a module with the package `wrapyfi_rs` in place of Wrapyfi; `args` are split at blanks.
     pub fn our_module(&self, module: &str, args: &str) -> Result<Process> {
-        let mut command = self.our_python(&format!("-m wrapyfi_rs -m {module} {args}"))?;
+        let mut command =
+            self.our_python(format!("-m wrapyfi_rs -m {module} {args}").split_whitespace())?;
         self.cross_ports(&mut command, args);
         self.start(module, command)
     }
@@ -295,14 +305,33 @@ impl TestEnv {
     /// Starts a script of this text with the package `wrapyfi_rs`; `args` are split at blanks.
     pub fn our_script(&self, text: &str, args: &str) -> Result<Process> {
         let file = self.write(&format!("script_{:x}.py", hash(text)), text)?;
-        let mut command = self.our_python(&format!("{} {args}", file.display()))?;
+        let mut command =
+            self.our_python(format!("{} {args}", file.display()).split_whitespace())?;
         self.cross_ports(&mut command, &format!("--mode {args}"));
         self.start("script.py", command)
     }
 
-    fn our_python(&self, args: &str) -> Result<Command> {
-        let mut command = self.command(&programs::python()?, args.split_whitespace());
-        command.env("PYTHONPATH", programs::python_package(self.folder.path())?);
+    /// Starts the interpreter of Wrapyfi where the package `wrapyfi_rs` is installed beside it, with these variables.
+    pub fn our_python_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Result<Process> {
+        let mut command = self.our_python(args.iter().copied())?;
+        command.envs(variables.iter().copied());
+        self.start("python", command)
+    }
+
+    /// Installs the package `wrapyfi_rs` for the interpreters that are started from now on.
+    pub fn install_python_package(&self) -> Result {
+        self.set_variable("PYTHONPATH", self.python_package()?);
+        Ok(())
+    }
+
+    /// Folder in which interpreters find the package `wrapyfi_rs`.
+    pub fn python_package(&self) -> Result<PathBuf> {
+        programs::python_package(self.folder.path())
+    }
+
+    fn our_python(&self, args: impl Args) -> Result<Command> {
+        let mut command = self.command(&programs::python()?, args);
+        command.env("PYTHONPATH", self.python_package()?);
         command.env("PYTHONUNBUFFERED", "1");
         Ok(command)
     }

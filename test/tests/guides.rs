@@ -125,6 +125,24 @@ fn readme() -> Result {
 fn python_scripts() -> Result {
     run("python_scripts", SCRIPTS, |env| {
         let guide = Guide::read("docs/python-scripts.md")?;
+        env.write("battery.py", guide.block("python", "class Battery")?)?;
+        env.write("look.py", guide.block("python", "import wrapyfi_rs")?)?;
+        env.write("script.py", "import wrapyfi; print(wrapyfi.__name__)")?;
+        env.install_python_package()?;
+        let [publish, listen] = guide.lines("python battery.py")?;
+        let [battery, listener] = [env.shell(&publish.command)?, env.shell(&listen.command)?];
+        says(&listener, &[&listen.comment])?;
+        for line in guide.lines::<2>("python -m wrapyfi_rs")? {
+            assert_eq!(done(env, &line)?, "wrapyfi_rs");
+        }
+        let mut look = env.shell("python look.py")?;
+        look.exits_with(0)?;
+        let said = look.stdout();
+        for words in ["{'charge': 0.8}", "publisher /battery", "Vector3(x=0.5, y=0.0, z=0.0)"] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        drop((battery, listener));
+
         env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
         let [bridge, _, echo] = guide.lines("--config bridge.yaml")?;
         let _bridge = starts(env, &bridge)?;
@@ -143,6 +161,27 @@ fn python_scripts() -> Result {
         let [_, here, in_ros2] = guide.lines("python light.py")?;
         prints_its_comment(env, &here)?;
         prints_its_comment(env, &in_ros2)?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn python_reference() -> Result {
+    run("python_reference", SCRIPTS, |env| {
+        let guide = Guide::read("docs/reference/python.md")?;
+        env.install_python_package()?;
+        for (script, mark) in [("arm.py", "class Arm"), ("robot.py", "class Robot")] {
+            env.write(script, guide.block("python", mark)?)?;
+        }
+        let _arm = env.shell("python arm.py")?;
+        let said = "wrapyfi echo ros2:/joint_states --count 1 --json --timeout 100";
+        let echo = env.shell(said)?;
+        let heard = echo.objects(1)?.remove(0);
+        assert_eq!(heard["value"]["position"][0], 0.25, "{heard}");
+        let _robot = env.shell("python robot.py")?;
+        let call = env.shell("wrapyfi call ros2:/lamp --args '[true]' --json --timeout 100")?;
+        let reply = call.objects(1)?.remove(0);
+        assert_eq!(reply["value"]["message"], "on", "{reply}");
         guide.is_done()
     })
 }

@@ -37,6 +37,8 @@ mod patterns;
 mod peers;
 mod plugins;
 mod properties;
+mod python_beside;
+mod python_graph;
 mod python_package;
 mod qos;
 mod real_ros2;

@@ -1,6 +1,8 @@
 //! The package `wrapyfi_rs` for Python: as Wrapyfi to Wrapyfi's scripts, on both sides of each wire.
 
-use wrapyfi_e2e::{Need, Process, Result, TestEnv, run, texts};
+use std::time::Duration;
+
+use wrapyfi_e2e::{Need, Process, Result, TestEnv, asked_until, repository, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -136,16 +138,20 @@ fn faults_of_a_script_are_exceptions_of_their_own_class() -> Result {
     )
 }
 
-/// The first lines of two scripts on this package, one of which publishes and one listens, have one in common.
-fn one_line_is_heard(env: &TestEnv, publishes: &str, listens: &str, typed: &str) -> Result {
-    let listener = env.our_peer("listings.py", listens)?;
-    let mut publisher = env.our_peer("listings.py", publishes)?;
-    for _ in 0..20 {
-        publisher.tell(typed)?;
+/// The last of these runs of a script of the examples says these words, while the first ones are typed at.
+fn example_says(env: &TestEnv, script: &str, runs: &[&str], words: &str) -> Result {
+    let (last, before) = runs.split_last().ok_or_else(|| anyhow::anyhow!("no run"))?;
+    let last = env.our_example(script, last)?;
+    let mut others = Vec::new();
+    for run in before {
+        let mut other = env.our_example(script, run)?;
+        for _ in 0..50 {
+            other.tell("typed here")?;
+        }
+        others.push(other);
     }
-    listener.wait_until("a line that was published", |output| {
-        let line = output.out.first()?;
-        Some(line.contains(typed) || line.starts_with('['))?.then_some(())
+    last.wait_until(words, |output| {
+        output.out.iter().any(|line| line.contains(words)).then_some(())
     })
 }
 
@@ -155,9 +161,9 @@ fn the_papers_listing_of_mirroring_runs_as_printed() -> Result {
         let _broker = env.broker()?;
         let _names = env.yarpserver()?;
         for mware in ["zeromq", "yarp", "ros2"] {
-            let (publish, listen) =
-                (format!("mirror publish {mware}"), format!("mirror listen {mware}"));
-            one_line_is_heard(env, &publish, &listen, "typed here")?;
+            let (publish, listen) = (format!("publish {mware}"), format!("listen {mware}"));
+            let words = "{'msg': 'hello', 'msg_ip': 'typed here'}";
+            example_says(env, "mirroring.py", &[&publish, &listen], words)?;
         }
         Ok(())
     })
@@ -168,12 +174,8 @@ fn the_papers_listing_of_forwarding_runs_as_printed() -> Result {
     run("the_papers_listing_of_forwarding_runs_as_printed", NEEDS, |env| {
         let _broker = env.broker()?;
         let _names = env.yarpserver()?;
-        for method in ["send_yarp", "send_zmq"] {
-            let (publish, listen) =
-                (format!("forward {method} publish"), format!("forward {method} listen"));
-            one_line_is_heard(env, &publish, &listen, "message")?;
-        }
-        Ok(())
+        let runs = ["publish disable", "listen publish", "disable listen"];
+        example_says(env, "forwarding.py", &runs, "message ")
     })
 }
 
@@ -182,18 +184,17 @@ fn the_papers_listing_of_channeling_runs_as_printed() -> Result {
     let needs = [NEEDS, &[Need::Ros1]].concat();
     run("the_papers_listing_of_channeling_runs_as_printed", &needs, |env| {
         let (_broker, _names, _master) = (env.broker()?, env.yarpserver()?, env.roscore()?);
-        let listener = env.our_peer("listings.py", "channel listen")?;
-        let _publisher = env.our_peer("listings.py", "channel publish")?;
-        listener.wait_until("the three values", |output| {
-            (output.out.first()? == "[[200, 200, 3], [200, 200, 3], [8820], 44100]").then_some(())
-        })
+        let words = "2 (200, 200, 3) (8820,) 44100";
+        example_says(env, "channeling.py", &["publish", "listen"], words)
     })
 }
 
 /// Wrapyfi's own tests, with this package in place of Wrapyfi.
 fn own_tests_pass(test: &str, case: &str, count: usize) -> Result {
-    run(test, NEEDS, |env| {
+    let needs_ros_1: &[Need] = if case.contains(".ROSTest") { &[Need::Ros1] } else { &[] };
+    run(test, &[NEEDS, needs_ros_1].concat(), |env| {
         let (_broker, _names) = (env.broker()?, env.yarpserver()?);
+        let _master = (!needs_ros_1.is_empty()).then(|| env.roscore()).transpose()?;
         let mut tests = env.our_module("unittest", &format!("-v wrapyfi.tests.{case}"))?;
         tests.exits_with(0)?;
         let said = tests.stderr();
@@ -213,9 +214,11 @@ macro_rules! own_tests_pass {
 
 own_tests_pass! {
     wrapyfis_tests_of_the_decorator_pass_on_zeromq: "test_wrapper.ZeroMQTestWrapper", 3;
+    wrapyfis_tests_of_the_decorator_pass_on_ros_1: "test_wrapper.ROSTestWrapper", 3;
     wrapyfis_tests_of_the_decorator_pass_on_ros_2: "test_wrapper.ROS2TestWrapper", 3;
     wrapyfis_tests_of_the_decorator_pass_on_yarp: "test_wrapper.YarpTestWrapper", 3;
     wrapyfis_tests_of_middlewares_pass_on_zeromq: "test_middleware.ZeroMQTestMiddleware", 1;
+    wrapyfis_tests_of_middlewares_pass_on_ros_1: "test_middleware.ROSTestMiddleware", 1;
     wrapyfis_tests_of_middlewares_pass_on_ros_2: "test_middleware.ROS2TestMiddleware", 1;
     wrapyfis_tests_of_middlewares_pass_on_yarp: "test_middleware.YarpTestMiddleware", 1;
 }
@@ -299,8 +302,11 @@ fn what_a_server_raises_reaches_the_client() -> Result {
 
 /// A script of Wrapyfi's examples on this package, and another one of it: a line of the second has these words.
 fn example(test: &str, module: &str, roles: [&str; 2], words: &str) -> Result {
-    run(test, NEEDS, |env| {
-        let _broker = env.broker()?;
+    let runs_on_ros_1 = roles[0].contains("--mware ros ");
+    let needs: &[Need] = if runs_on_ros_1 { &[Need::Ros1] } else { &[] };
+    run(test, &[NEEDS, needs].concat(), |env| {
+        let (_broker, _names) = (env.broker()?, env.yarpserver()?);
+        let _master = runs_on_ros_1.then(|| env.roscore()).transpose()?;
         let module = format!("examples.{module}");
         let second = env.our_module(&module, roles[1])?;
         let mut first = env.our_module(&module, roles[0])?;
@@ -325,6 +331,12 @@ macro_rules! examples {
 examples! {
     hello_world_is_heard: "hello_world", "--publish", "--listen", "'message': 'typed here'";
     hello_world_is_asked: "hello_world", "--reply", "--request", "'message': 'typed here'";
+    hello_world_is_heard_on_yarp: "hello_world", "--mware yarp --publish", "--mware yarp --listen", "'message': 'typed here'";
+    hello_world_is_heard_on_ros_1: "hello_world", "--mware ros --publish", "--mware ros --listen", "'message': 'typed here'";
+    hello_world_is_heard_on_ros_2: "hello_world", "--mware ros2 --publish", "--mware ros2 --listen", "'message': 'typed here'";
+    hello_world_is_asked_on_yarp: "hello_world", "--mware yarp --reply", "--mware yarp --request", "'message': 'typed here'";
+    hello_world_is_asked_on_ros_1: "hello_world", "--mware ros --reply", "--mware ros --request", "'message': 'typed here'";
+    hello_world_is_asked_on_ros_2: "hello_world", "--mware ros2 --reply", "--mware ros2 --request", "'message': 'typed here'";
     mirroring_is_heard: "communication_schemes.mirroring_example", "--mode publish", "--mode listen", "'msg_ip': 'typed here'";
     mirroring_is_asked: "communication_schemes.mirroring_example", "--mode reply", "--mode request", "'msg_ip': 'typed here'";
     channels_are_heard: "communication_schemes.channeling_example",
@@ -334,6 +346,145 @@ examples! {
     pint_is_heard: "encoders.pint_example", "--mode publish", "--mode listen", "<Quantity(42, 'meter')>";
     pyarrow_is_heard: "encoders.pyarrow_example", "--mode publish", "--mode listen", "'message': 'typed here'";
     xarray_is_heard: "encoders.xarray_example", "--mode publish", "--mode listen", "'message': 'typed here'";
+}
+
+/// Its publisher and its listener have one topic.
+#[test]
+fn hello_world_hears_itself() -> Result {
+    run("hello_world_hears_itself", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let mut script = env.our_module("examples.hello_world", "--transceive")?;
+        script.tell("typed here")?;
+        script.wait_until("what was typed", |output| {
+            output.out.iter().any(|line| line.contains("'message': 'typed here'")).then_some(())
+        })
+    })
+}
+
+/// The example of forwarding, in three programs: one publishes, one forwards to another middleware, one listens there.
+fn forwards(test: &str, from: &str, to: &str, needs: &[Need]) -> Result {
+    run(test, &[NEEDS, needs].concat(), |env| {
+        let (_broker, _names) = (env.broker()?, env.yarpserver()?);
+        let _master = needs.contains(&Need::Ros1).then(|| env.roscore()).transpose()?;
+        let chain = |a: &str, b: &str| {
+            let args = format!(
+                "--mware_chain_A {from} --mode_chain_A {a} --mware_chain_B {to} --mode_chain_B {b}"
+            );
+            env.our_module("examples.communication_schemes.forwarding_example", &args)
+        };
+        let last = chain("disable", "listen")?;
+        let _between = chain("listen", "publish")?;
+        let _first = chain("publish", "disable")?;
+        last.wait_until("the last word of the chain", |output| {
+            let sent = format!("sent from read_chain_A transmitted over {from}");
+            let received = format!("the last in the chain received over {to}");
+            let all = |line: &String| line.contains(&sent) && line.contains(&received);
+            output.out.iter().any(all).then_some(())
+        })
+    })
+}
+
+#[test]
+fn forwarding_goes_from_zeromq_to_ros_2() -> Result {
+    forwards("forwarding_goes_from_zeromq_to_ros_2", "zeromq", "ros2", &[])
+}
+
+#[test]
+fn forwarding_goes_from_yarp_to_zeromq() -> Result {
+    forwards("forwarding_goes_from_yarp_to_zeromq", "yarp", "zeromq", &[])
+}
+
+#[test]
+fn forwarding_goes_from_ros_2_to_ros_1() -> Result {
+    forwards("forwarding_goes_from_ros_2_to_ros_1", "ros2", "ros", &[Need::Ros1])
+}
+
+/// The examples of messages that are objects of `rospy` and `rclpy`: what the one publishes, the other hears as dicts.
+fn messages_are_objects(test: &str, module: &str, packages: &str, need: Need) -> Result {
+    run(test, &[NEEDS, &[need]].concat(), |env| {
+        let _master = (need == Need::Ros1).then(|| env.roscore()).transpose()?;
+        let ours = env.python_package()?;
+        let path = std::env::join_paths([ours, packages.into()])?;
+        let start = |mode: &str| {
+            let module = format!("examples.custom_msgs.{module}");
+            let path = path.to_str().unwrap_or_default();
+            let args = ["-u", "-m", "wrapyfi_rs", "-m", &module, "--mode", mode];
+            env.our_python_with(&args, &[("PYTHONPATH", path)])
+        };
+        let listener = start("listen")?;
+        let mut publisher = start("publish")?;
+        // The first ones may go to the connection by which the listener learns the type.
+        asked_until("both messages", || {
+            publisher.tell("typed here")?;
+            std::thread::sleep(Duration::from_millis(20));
+            let words = ["{'data': 'typed here'}", "'orientation': {'x': 0.1, 'y': -0.1, 'z': -0.8"];
+            let all = |line: &str| words.iter().all(|word| line.contains(word));
+            Ok(listener.stdout().lines().any(all).then_some(()))
+        })
+    })
+}
+
+#[test]
+fn messages_are_objects_of_rclpy() -> Result {
+    let packages = format!("{}/.venv-kilted/lib/python3.11/site-packages", repository().display());
+    let test = "messages_are_objects_of_rclpy";
+    messages_are_objects(test, "ros2_message_example", &packages, Need::Kilted)
+}
+
+#[test]
+fn messages_are_objects_of_rospy() -> Result {
+    let test = "messages_are_objects_of_rospy";
+    messages_are_objects(test, "ros_message_example", "/usr/lib/python3/dist-packages", Need::Ros1)
+}
+
+/// A module of plug-ins in a folder that the script names before it imports Wrapyfi, as the example of Astropy does.
+const NAMES_PLUG_INS: &str = r#"
+import os, pathlib
+folder = pathlib.Path(__file__).parent
+(folder / "plugins").mkdir(exist_ok=True)
+(folder / "plugins" / "poses.py").write_text("""
+from wrapyfi.utils.core_utils import *
+
+class Pose: pass
+
+@PluginRegistrar.register(types=(Pose,))
+class PosePlugin(Plugin): pass
+""")
+os.environ["WRAPYFI_PLUGIN_PATHS"] = str(folder)
+from wrapyfi.connect.wrapper import MiddlewareCommunicator
+from wrapyfi.utils.core_utils import PluginRegistrar
+print("PosePlugin" in PluginRegistrar.decoder_registry)
+"#;
+
+#[test]
+fn a_script_names_folders_of_plug_ins_before_its_import() -> Result {
+    run("a_script_names_folders_of_plug_ins_before_its_import", NEEDS, |env| {
+        let script = env.write("names_plug_ins.py", NAMES_PLUG_INS)?.display().to_string();
+        let mut ran = env.our_python_with(&["-m", "wrapyfi_rs", &script], &[])?;
+        ran.exits_with(0)?;
+        assert_eq!(ran.stdout(), "True", "{}", ran.stderr());
+        Ok(())
+    })
+}
+
+/// An unchanged script, started as any, finds this package where the variable says so, and Wrapyfi where it does not.
+#[test]
+fn a_variable_puts_this_package_in_place_of_wrapyfi() -> Result {
+    run("a_variable_puts_this_package_in_place_of_wrapyfi", NEEDS, |env| {
+        let script = "import sys; ours = 'wrapyfi_rs' in sys.modules\n\
+                      import wrapyfi.connect.wrapper as it; print(ours, it.__name__)";
+        for (value, printed) in [
+            (Some("1"), "True wrapyfi_rs.connect.wrapper"),
+            (Some("0"), "False wrapyfi.connect.wrapper"),
+            (None, "False wrapyfi.connect.wrapper"),
+        ] {
+            let variables: Vec<_> = value.map(|value| ("WRAPYFI_RS", value)).into_iter().collect();
+            let mut ran = env.our_python_with(&["-c", script], &variables)?;
+            ran.exits_with(0)?;
+            assert_eq!(ran.stdout(), printed, "WRAPYFI_RS={value:?}: {}", ran.stderr());
+        }
+        Ok(())
+    })
 }
 
 /// Two tasks of one loop on an `async def`, and one that is cancelled.
@@ -435,6 +586,11 @@ fn is_heard_on(test: &str, mware: &str, needs: &[Need]) -> Result {
                 continue;
             }
             let kind = what.split(' ').next().unwrap_or_default();
+            let wire = match (mware, kind) {
+                ("ros2", "NativeObject") => "std_msgs/msg/String",
+                ("ros2", "AudioChunk") => "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage",
+                _ => kind,
+            };
             let topic = env.topic(&what.replace([' ', '-'], "_").to_lowercase());
             let common = format!("--mware {mware} --topic {topic} --type {what}");
             let publisher = env.our_peer("wrapyfi_peer.py", &format!("publish {common}"))?;
@@ -445,7 +601,7 @@ fn is_heard_on(test: &str, mware: &str, needs: &[Need]) -> Result {
             publisher.sent_in_a_row("sha256", &heard)?;
             let endpoint = format!("{mware}:{topic}");
             let args =
-                ["echo", &endpoint, "--type", kind, "--count", "3", "--timeout", "100", "--json"];
+                ["echo", &endpoint, "--type", wire, "--count", "3", "--timeout", "100", "--json"];
             let mut echo = env.wrapyfi(args)?;
             let heard = texts(&echo.objects(3)?, "sha256");
             echo.exits_with(0)?;

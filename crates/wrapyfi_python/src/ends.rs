@@ -14,6 +14,7 @@ use wrapyfi_core::types::{DataType, Encoding, MessageType, Payload, SampleFormat
 use wrapyfi_data::codec::Conversion;
 
 use crate::error::{detached, ended, option, wrong_value};
+use crate::feedback::{self, Feedback};
 use crate::from_python::FromPython;
 use crate::to_python::ToPython;
 
@@ -45,11 +46,13 @@ struct Channel {
 pub(crate) struct Ends {
     method: String,
     channels: Vec<Channel>,
+    mode: Mode,
     /// `None` once closed.
     open: Mutex<Option<Arc<OpenMethod>>>,
 }
 
-/// Data type, middleware if one is selected, topic, options and codec of a value.
+/// Data type, middleware if one is selected, topic, options and codec of a value. The data type `Action` is that of a
+/// goal whose method has feedback, `PlainAction` of one that has none.
 type Described<'py> = (String, Option<String>, String, Bound<'py, PyDict>, Py<PyAny>);
 
 /// Opens the endpoints of `method` for `mode`. A value is its data type, its middleware or none, its topic, its options,
@@ -64,16 +67,24 @@ pub(crate) fn open(
     let mode: Mode = mode.parse().map_err(|error| option(py, error))?;
     let (mut channels, mut resolved) = (Vec::new(), Vec::new());
     for (data_type, middleware, topic, options, codec) in values {
-        let data_type = data_type.parse().map_err(|error| option(py, error))?;
+        let action = match data_type.as_str() {
+            "Action" => Some(true),
+            "PlainAction" => Some(false),
+            _ => None,
+        };
+        let data_type = match action {
+            Some(_) => DataType::NativeObject,
+            None => data_type.parse().map_err(|error| option(py, error))?,
+        };
         let options = read_options(&options)?;
         let red_first = options.get("encoding") == Some(&OptionValue::Text("rgb8".to_owned()));
         let color_order = if red_first { Encoding::Rgb8 } else { Encoding::Bgr8 };
         channels.push(Channel { data_type, color_order, codec });
-        let (ros_type, action) = (None, None);
+        let ros_type = None;
         resolved.push(Resolved { data_type, middleware, topic, ros_type, action, options });
     }
     let opened = detached(py, || crate::context().open(&method, mode, resolved))?;
-    Ok(Ends { method, channels, open: Mutex::new(Some(Arc::new(opened))) })
+    Ok(Ends { method, channels, mode, open: Mutex::new(Some(Arc::new(opened))) })
 }
 
 /// Options that the core understands; others are for plug-ins, or for nobody, as in Wrapyfi.
@@ -112,6 +123,11 @@ impl Ends {
         self.objects(py, messages)
     }
 
+    /// True where the mode listens.
+    fn listens(&self) -> bool {
+        self.mode.listens()
+    }
+
     /// Waits for the first listener of each value that waits.
     fn await_listeners(&self, py: Python<'_>) -> PyResult<()> {
         let open = self.there(py)?;
@@ -131,12 +147,15 @@ impl Ends {
         Ok(())
     }
 
-    /// Replies of the servers to a call with these arguments.
+    /// Replies of the servers to a call with these arguments. Where the call is a goal, `feedback` is called with each
+    /// feedback; what it raises cancels the goal.
+    #[pyo3(signature = (args, kwargs, feedback=None))]
     fn call<'py>(
         &self,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         kwargs: &Bound<'py, PyDict>,
+        feedback: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Vec<Option<Bound<'py, PyAny>>>> {
         let open = self.there(py)?;
         let Some(channel) = self.channels.first() else { return Ok(Vec::new()) };
@@ -146,10 +165,19 @@ impl Ends {
             Value::Map(kwargs) => Request::new(args).with(kwargs),
             _ => Request::new(args),
         };
-        let messages = detached(py, || {
-            let gathered = at_once(open.call(false, &request, None))?;
-            self.taken(&open, gathered)
-        })?;
+        let messages = match feedback {
+            None => detached(py, || {
+                let gathered = at_once(open.call(false, &request, None))?;
+                self.taken(&open, gathered)
+            })?,
+            Some(hears) => {
+                let hears = |value: &Value| {
+                    hears.call1((ToPython { codec: channel.codec.bind(py) }.object(value)?,))
+                };
+                let gathered = feedback::call(py, &open, &request, hears)?;
+                detached(py, || self.taken(&open, gathered))?
+            }
+        };
         self.objects(py, messages)
     }
 
@@ -158,7 +186,7 @@ impl Ends {
         Ok(self.there(py)?.serves())
     }
 
-    /// Runs `body` with the arguments of the next call and answers with the values that it returns, a list; False where
+    /// Runs `body` with the arguments of the next call and the feedback of its goal, and answers with the values that it returns, a list; False where
     /// nobody calls and the method does not wait. What `body` raises is told to the client, and raised here.
     fn serve(&self, py: Python<'_>, body: &Bound<'_, PyAny>) -> PyResult<bool> {
         let open = self.there(py)?;
@@ -166,7 +194,8 @@ impl Ends {
             return Ok(false);
         };
         let call = request.take_call();
-        let returned = self.run(py, body, &call.args, &call.kwargs);
+        let feedback = request.feedback();
+        let returned = self.run(py, body, (&call.args, &call.kwargs), feedback);
         let messages = match returned {
             Ok(messages) => messages,
             Err(error) => {
@@ -242,13 +271,15 @@ impl Ends {
         &self,
         py: Python<'_>,
         body: &Bound<'_, PyAny>,
-        args: &[Value],
-        kwargs: &wrapyfi_core::types::Map,
+        (args, kwargs): (&[Value], &wrapyfi_core::types::Map),
+        feedback: wrapyfi_core::communicator::Feedback,
     ) -> PyResult<Vec<Message>> {
         let Some(first) = self.channels.first() else { return Ok(Vec::new()) };
         let to = ToPython { codec: first.codec.bind(py) };
         let args = PyTuple::new(py, to.items(args)?)?;
-        let returned: Vec<Bound<'_, PyAny>> = body.call1((args, to.dict(kwargs)?))?.extract()?;
+        let feedback = Feedback::new(feedback, first.codec.clone_ref(py));
+        let returned: Vec<Bound<'_, PyAny>> =
+            body.call1((args, to.dict(kwargs)?, feedback))?.extract()?;
         let pairs = self.channels.iter().zip(&returned);
         pairs.map(|(channel, value)| channel.message(value)).collect()
     }

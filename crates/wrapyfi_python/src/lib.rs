@@ -2,15 +2,19 @@
 //!
 //! ```text
 //!   wrapyfi_rs (Python)   decorator, modes, $, configuration, plug-ins written in Python
-//!        │ open(method, mode, values) ─▶ Ends: listen, publish, call, serve
+//!        │ open(method, mode, values) ─▶ Ends: listen, publish, call, serve; Feedback of goals
+//!        │ endpoints, topic_type, service_type, why, definitions
 //!   this crate            objects ⇄ values; the lock of the interpreter is free while a call waits or codes
 //!        │
 //!   wrapyfi_core          endpoints of the communicator
+//!   wrapyfi_bridge        what its commands find out
 //! ```
 
 mod ends;
 mod error;
+mod feedback;
 mod from_python;
+mod graph;
 mod interrupt;
 mod numpy;
 mod to_python;
@@ -18,6 +22,7 @@ mod to_python;
 use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
+use wrapyfi_bridge::command::definitions;
 use wrapyfi_core::communicator::CommunicatorContext;
 
 /// Context of this process; another one after a fork, because threads do not survive it.
@@ -25,7 +30,11 @@ static CONTEXT: Mutex<Option<CommunicatorContext>> = Mutex::new(None);
 
 fn context() -> CommunicatorContext {
     let mut context = CONTEXT.lock().unwrap_or_else(PoisonError::into_inner);
-    let made = || CommunicatorContext::builder().interrupted_by(interrupt::is_interrupted).build();
+    let made = || {
+        let types = definitions::store(&[]);
+        let builder = CommunicatorContext::builder().types(types);
+        builder.interrupted_by(interrupt::is_interrupted).build()
+    };
     context.get_or_insert_with(made).clone()
 }
 
@@ -59,6 +68,10 @@ fn panic_on_purpose(py: Python<'_>) -> PyResult<()> {
 mod _native {
     #[pymodule_export]
     use super::ends::{Ends, open};
+    #[pymodule_export]
+    use super::feedback::Feedback;
+    #[pymodule_export]
+    use super::graph::{definitions, endpoints, service_type, topic_type, why};
     #[pymodule_export]
     use super::{forked, middlewares, panic_on_purpose, version};
 }

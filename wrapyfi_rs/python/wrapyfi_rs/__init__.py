@@ -10,7 +10,8 @@
     camera = Camera()
     camera.activate_communication("frame", mode="publish")
 
-A script that says ``import wrapyfi`` runs unchanged by ``python -m wrapyfi_rs script.py``.
+A script that says ``import wrapyfi`` runs unchanged by ``python -m wrapyfi_rs script.py``, or with ``WRAPYFI_RS=1`` in
+its environment.
 """
 
 import os
@@ -19,8 +20,15 @@ from . import _native
 from .utils.core_utils import Plugin, PluginRegistrar
 
 __version__ = _native.version()
-__all__ = ["Plugin", "PluginRegistrar"]
+__all__ = ["Plugin", "PluginRegistrar", "call", "echo", "list", "send_goal", "why"]
 
 os.register_at_fork(after_in_child=_native.forked)
 
-PluginRegistrar.scan()
+
+def __getattr__(name):
+    # Imported when one of them is wanted: most scripts want none.
+    if name in ("call", "echo", "list", "send_goal", "why"):
+        from . import graph
+
+        return getattr(graph, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

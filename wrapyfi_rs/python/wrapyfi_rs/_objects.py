@@ -8,6 +8,7 @@ import types
 from ._messages.reading import Reader
 from ._messages.values import Budget, DeviceArray, MessageError, Tagged
 from ._messages.writing import Writer
+from ._ros_objects import fields_of
 from .errors import ObjectError, ValueMismatch
 from .utils.core_utils import PluginRegistrar
 
@@ -37,6 +38,7 @@ class Codec:
             if is_taken:
                 text = json.dumps(found, default=self._of_plugin)
                 return found["__wrapyfi__"][0], text.encode(), []
+        value = fields_of(value)
         writer = Writer()
         try:
             text = json.dumps(writer.value(_as_device_array(_without_palette(value)), 0))

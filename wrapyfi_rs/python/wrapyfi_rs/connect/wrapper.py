@@ -29,6 +29,16 @@ class _Method:
         self.values = []
         self.instances = []
 
+    @property
+    def has_feedback(self):
+        """Whether the method is an action that tells how far it is, through its argument ``feedback``."""
+        return self.is_action and "feedback" in inspect.signature(self.function).parameters
+
+    @property
+    def is_action(self):
+        """Whether the method is an action: its arguments are a goal, and what it returns is the result."""
+        return any(value.data_type == "Action" for value in self.all_values())
+
     def number(self, instance):
         """Number of an instance, counted from 0 in the order in which modes were chosen."""
         if id(instance) not in self.instances:
@@ -119,6 +129,15 @@ class MiddlewareCommunicator:
         and the topic. In texts ``$0`` or ``$name`` is an argument of the first call. A value that is a list is
         written as a list of ``[data_type, middleware, class_name, topic, {options}]``. An ``async def`` stays one: its
         waits are awaited.
+
+        ``data_type`` is ``NativeObject``, any of Python's own objects and those of plug-ins; ``Image``, an array of shape
+        (height, width) or (height, width, 3), bytes in the order blue, green, red, or with ``fp=True`` float32;
+        ``AudioChunk``, a pair of a float32 array of shape (samples,) or (samples, channels) and its rate in Hz;
+        ``ROSMessage`` or ``ROS2Message``, a dict or a class of ``wrapyfi_rs.ros.message``, with the option
+        ``message_type``, which in modes request and reply is a service; ``Action``, with the option ``action_type``: the
+        arguments are the goal's fields, a dict of the result's fields is returned, and an argument ``feedback`` tells
+        how far the goal is: ``feedback.send({…})`` and ``feedback.is_canceled`` where the method serves, a function of
+        the caller's where it asks.
         """
         if isinstance(data_type, str):
             value = Value.of(data_type, middleware, args, kwargs)
@@ -236,13 +255,16 @@ class _Call:
 
     def __init__(self, method, state, args, kwargs, loop=None):
         self.method, self.state, self.args, self.kwargs, self.loop = method, state, args, kwargs, loop
-        self.ends = state.ends or self._opened()
+        self.ends = state.ends
+        if self.ends is None and not (state.mode == "publish" and any(v.is_untyped for v in method.all_values())):
+            self.open()
 
-    def _opened(self):
+    def open(self, returned=()):
+        """Opens the ends; messages of ROS that were ``returned`` may tell their types."""
         with self.state.lock:
             if self.state.ends is None:
-                self.state.ends = open_ends(self.method, self.state.mode, self.args[1:], self.kwargs)
-            return self.state.ends
+                self.state.ends = open_ends(self.method, self.state.mode, self.args[1:], self.kwargs, returned)
+            self.ends = self.state.ends
 
     def body(self, *more):
         """What the method itself returns; with arguments after those of the call."""
@@ -257,14 +279,21 @@ class _Call:
 
     def received(self):
         """What other programs published, in the shape of what the method returns."""
-        values = zip(self.method.all_values(), self.ends.listen())
-        return self.method.nested([value.nothing() if one is None else one for value, one in values])
+        heard = self.ends.listen()
+        values = zip(self.method.all_values(), heard)
+        return self.method.nested([value.nothing() if one is None else value.of_class(one) for value, one in values])
 
     def publish(self, returned):
         self.ends.publish(self.method.flat(returned))
 
 
 def _publish(call):
+    if call.ends is None:
+        returned = call.body()
+        call.open(call.method.flat(returned))
+        call.ends.await_listeners()
+        call.publish(returned)
+        return returned
     call.ends.await_listeners()
     returned = call.body()
     call.publish(returned)
@@ -280,12 +309,18 @@ def _reemit(call):
 
 
 def _transceive(call):
-    _publish(call)
+    returned = _publish(call)
+    if not call.ends.listens():
+        return call.method.nested(call.method.flat(returned))
     return call.received()
 
 
 def _request(call):
-    return call.method.nested(call.ends.call(call.args[1:], call.kwargs))
+    kwargs = dict(call.kwargs)
+    feedback = kwargs.pop("feedback", None) if call.method.has_feedback else None
+    replies = call.ends.call(call.args[1:], kwargs, feedback)
+    values = zip(call.method.all_values(), replies)
+    return call.method.nested([value.of_class(one) for value, one in values])
 
 
 def _reply(call):
@@ -293,8 +328,10 @@ def _reply(call):
         return call.body()
     returned = None
 
-    def body(args, kwargs):
+    def body(args, kwargs, feedback):
         nonlocal returned
+        if call.method.has_feedback:
+            kwargs = {**kwargs, "feedback": feedback}
         returned = call.run(call.args[0], *args, **kwargs)
         return call.method.flat(returned)
 
