@@ -176,6 +176,15 @@ pub(crate) fn yarp_tools() -> Result<PathBuf> {
     Ok(place)
 }
 
+/// Folder of YARP's bindings for Python, beside its tools.
+pub(crate) fn yarp_for_python() -> Result<PathBuf> {
+    let libraries = yarp_tools()?.join("../lib");
+    let folders = ["python3/dist-packages", "python3.11/site-packages"].into_iter();
+    let mut folders = folders.map(|folder| libraries.join(folder));
+    let found = folders.find(|folder| folder.join("yarp.py").is_file());
+    found.with_context(|| format!("no bindings for Python below {}", libraries.display()))
+}
+
 /// Folder in which YARP's programs find their data: as set, else beside the tools.
 pub(crate) fn yarp_data() -> Result<PathBuf> {
     match std::env::var_os("YARP_DATA_DIRS") {

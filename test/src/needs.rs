@@ -60,6 +60,8 @@ pub enum Need {
     Yarp,
     /// A compiler and YARP for C++. The test is skipped without, whatever is required.
     YarpCpp,
+    /// Its bindings for Python. The test is skipped without, whatever is required.
+    YarpPython,
     /// This device of that YARP. Those that are not built are skipped, whatever is required.
     YarpDevice(&'static str),
 }
@@ -82,7 +84,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
                 Need::Kilted => Installation::has_wheels(),
                 Need::Hosts | Need::Chromium | Need::Rmw => false,
                 Need::Ros2Package(_) | Need::WrapyfiOnRos2 => false,
-                Need::YarpCpp | Need::YarpDevice(_) => false,
+                Need::YarpCpp | Need::YarpPython | Need::YarpDevice(_) => false,
                 _ => true,
             };
             let variable = match need {
@@ -124,6 +126,7 @@ fn check(need: Need) -> Result {
         Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
         Need::Yarp => installation::yarp_tools().map(drop),
         Need::YarpCpp => cpp::YARP.or_why_not().map(drop),
+        Need::YarpPython => installation::yarp_for_python().map(drop),
         Need::YarpDevice(name) => installation::yarp_device(name),
     }
 }

@@ -277,6 +277,13 @@ impl TestEnv {
         self.start(script, self.peer_command(script, args)?)
     }
 
+    /// Starts Wrapyfi's peer on YARP's bindings; `args` are split at blanks.
+    pub fn wrapyfi_on_yarp(&self, args: &str) -> Result<Process> {
+        let mut command = self.peer_command("wrapyfi_peer.py", args)?;
+        command.env("PYTHONPATH", installation::yarp_for_python()?);
+        self.start("wrapyfi_peer.py", command)
+    }
+
     /// As [`TestEnv::peer`], with the package `wrapyfi_rs` in place of Wrapyfi.
     pub fn our_peer(&self, script: &str, args: &str) -> Result<Process> {
         let file = repository().join("test/peers").join(script).display().to_string();

@@ -5,7 +5,7 @@
 //! | ZeroMQ | `python_package.rs` | here | |
 //! | ROS 1 | here, on rospy | here | |
 //! | ROS 2 | here, on rclpy of Kilted | here | |
-//! | YARP | not: its bindings for Python are in no package | here | here, with a `yarpserver` of YARP |
+//! | YARP | here, on its bindings, which are in no package | here | here, with a `yarpserver` of YARP |
 
 use wrapyfi_e2e::{Need, Process, RealRos2, Result, TestEnv, run, texts};
 
@@ -62,23 +62,26 @@ fn wrapyfi_on_rospy_and_this_package_ask_each_other() -> Result {
     let needs = [NEEDS, &[Need::Ros1]].concat();
     run("wrapyfi_on_rospy_and_this_package_ask_each_other", &needs, |env| {
         let _master = env.roscore()?;
-        for (what, ours_asks) in [("rich", true), ("array", false)] {
-            let service = env.topic(what);
-            let common = format!("--mware ros --topic {service} --flavour {what}");
-            let (reply, request) =
-                (format!("reply {common}"), format!("request {common} --count 3 --number"));
-            let peer = |is_ours: bool, args: &str| match is_ours {
-                true => env.our_peer("wrapyfi_peer.py", args),
-                false => env.peer("wrapyfi_peer.py", args),
-            };
-            let server = peer(!ours_asks, &reply)?;
-            let mut client = peer(ours_asks, &request)?;
-            let answers = texts(&client.messages(3)?, "sha256");
-            server.sent_in_a_row("sha256", &answers)?;
-            client.exits_with(0)?;
-        }
-        Ok(())
+        ask_each_other(env, "ros", |args| env.peer("wrapyfi_peer.py", args))
     })
+}
+
+/// This package asks Wrapyfi, whose peers `theirs` starts, and Wrapyfi this package.
+fn ask_each_other(env: &TestEnv, mware: &str, theirs: impl Fn(&str) -> Result<Process>) -> Result {
+    for (what, ours_asks) in [("rich", true), ("array", false)] {
+        let service = env.topic(what);
+        let common = format!("--mware {mware} --topic {service} --flavour {what}");
+        let peer = |is_ours: bool, args: &str| match is_ours {
+            true => env.our_peer("wrapyfi_peer.py", args),
+            false => theirs(args),
+        };
+        let server = peer(!ours_asks, &format!("reply {common}"))?;
+        let mut client = peer(ours_asks, &format!("request {common} --count 3 --number"))?;
+        let answers = texts(&client.messages(3)?, "sha256");
+        server.sent_in_a_row("sha256", &answers)?;
+        client.exits_with(0)?;
+    }
+    Ok(())
 }
 
 #[test]
@@ -89,6 +92,32 @@ fn wrapyfi_on_rclpy_and_this_package_hear_each_other() -> Result {
         let whats =
             ["NativeObject --flavour rich", "Image --flavour colour", "Image --flavour mono"];
         both_ways(env, "ros2", &whats, |args| ros.wrapyfi_peer(args))
+    })
+}
+
+#[test]
+fn wrapyfi_on_yarp_and_this_package_hear_each_other() -> Result {
+    let needs = [NEEDS, &[Need::Yarp, Need::YarpPython]].concat();
+    run("wrapyfi_on_yarp_and_this_package_hear_each_other", &needs, |env| {
+        env.yarp_conf()?;
+        let _server = yarps_server(env)?;
+        let whats = [
+            "NativeObject --flavour rich",
+            "Image --flavour colour",
+            "Image --flavour mono",
+            "Image --flavour float",
+        ];
+        both_ways(env, "yarp", &whats, |args| env.wrapyfi_on_yarp(args))
+    })
+}
+
+#[test]
+fn wrapyfi_on_yarp_and_this_package_ask_each_other() -> Result {
+    let needs = [NEEDS, &[Need::Yarp, Need::YarpPython]].concat();
+    run("wrapyfi_on_yarp_and_this_package_ask_each_other", &needs, |env| {
+        env.yarp_conf()?;
+        let _server = yarps_server(env)?;
+        ask_each_other(env, "yarp", |args| env.wrapyfi_on_yarp(args))
     })
 }
 

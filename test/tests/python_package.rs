@@ -417,7 +417,8 @@ fn messages_are_objects(test: &str, module: &str, packages: &str, need: Need) ->
         asked_until("both messages", || {
             publisher.tell("typed here")?;
             std::thread::sleep(Duration::from_millis(20));
-            let words = ["{'data': 'typed here'}", "'orientation': {'x': 0.1, 'y': -0.1, 'z': -0.8"];
+            let words =
+                ["{'data': 'typed here'}", "'orientation': {'x': 0.1, 'y': -0.1, 'z': -0.8"];
             let all = |line: &str| words.iter().all(|word| line.contains(word));
             Ok(listener.stdout().lines().any(all).then_some(()))
         })
