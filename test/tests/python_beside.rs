@@ -99,8 +99,8 @@ fn wrapyfi_on_rclpy_and_this_package_hear_each_other() -> Result {
 fn wrapyfi_on_yarp_and_this_package_hear_each_other() -> Result {
     let needs = [NEEDS, &[Need::Yarp, Need::YarpPython]].concat();
     run("wrapyfi_on_yarp_and_this_package_hear_each_other", &needs, |env| {
-        env.yarp_conf()?;
-        let _server = yarps_server(env)?;
+        // Ours: YARP's gives away ports that other tests have.
+        let _server = env.yarpserver()?;
         let whats = [
             "NativeObject --flavour rich",
             "Image --flavour colour",
@@ -115,8 +115,8 @@ fn wrapyfi_on_yarp_and_this_package_hear_each_other() -> Result {
 fn wrapyfi_on_yarp_and_this_package_ask_each_other() -> Result {
     let needs = [NEEDS, &[Need::Yarp, Need::YarpPython]].concat();
     run("wrapyfi_on_yarp_and_this_package_ask_each_other", &needs, |env| {
-        env.yarp_conf()?;
-        let _server = yarps_server(env)?;
+        // Ours: YARP's gives away ports that other tests have.
+        let _server = env.yarpserver()?;
         ask_each_other(env, "yarp", |args| env.wrapyfi_on_yarp(args))
     })
 }

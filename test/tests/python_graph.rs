@@ -248,3 +248,36 @@ fn a_method_sends_goals_to_a_server_elsewhere() -> Result {
         said(env.our_script(COUNTS, "request ros2")?, &[NUMBERS])
     })
 }
+
+/// Functions that wait for programs which are not there.
+const WAITS: &str = r#"
+import sys, wrapyfi_rs
+nobody = {
+    "type": lambda: next(wrapyfi_rs.echo("ros2:/nobody")),
+    "echo": lambda: next(wrapyfi_rs.echo("ros2:/nobody", "NativeObject")),
+    "call": lambda: wrapyfi_rs.call("ros2:/nobody", timeout=1000),
+    "goal": lambda: wrapyfi_rs.send_goal("ros2:/nobody", "test_msgs/action/Fibonacci", 1, feedback=print),
+}
+try:
+    print("begins")
+    nobody[sys.argv[1]]()
+except KeyboardInterrupt:
+    print("interrupted")
+"#;
+
+#[test]
+fn ctrl_c_ends_functions_that_wait() -> Result {
+    run("ctrl_c_ends_functions_that_wait", NEEDS, |env| {
+        fibonacci(env)?;
+        for function in ["type", "echo", "call", "goal"] {
+            let script = env.our_script(WAITS, function)?;
+            script.wait_until("its begin", |output| {
+                (output.out.first()? == "begins").then_some(())
+            })?;
+            script.interrupt()?;
+            said(script, &["begins", "interrupted"])
+                .map_err(|error| error.context(function.to_owned()))?;
+        }
+        Ok(())
+    })
+}
