@@ -440,7 +440,7 @@ fn messages_are_objects_of_rospy() -> Result {
 
 /// A module of plug-ins in a folder that the script names before it imports Wrapyfi, as the example of Astropy does.
 const NAMES_PLUG_INS: &str = r#"
-import os, pathlib
+import os, pathlib, sys
 folder = pathlib.Path(__file__).parent
 (folder / "plugins").mkdir(exist_ok=True)
 (folder / "plugins" / "poses.py").write_text("""
@@ -452,7 +452,7 @@ class Pose: pass
 class PosePlugin(Plugin): pass
 """)
 os.environ["WRAPYFI_PLUGIN_PATHS"] = str(folder)
-from wrapyfi.connect.wrapper import MiddlewareCommunicator
+exec(sys.argv[1])
 from wrapyfi.utils.core_utils import PluginRegistrar
 print("PosePlugin" in PluginRegistrar.decoder_registry)
 "#;
@@ -461,9 +461,14 @@ print("PosePlugin" in PluginRegistrar.decoder_registry)
 fn a_script_names_folders_of_plug_ins_before_its_import() -> Result {
     run("a_script_names_folders_of_plug_ins_before_its_import", NEEDS, |env| {
         let script = env.write("names_plug_ins.py", NAMES_PLUG_INS)?.display().to_string();
-        let mut ran = env.our_python_with(&["-m", "wrapyfi_rs", &script], &[])?;
-        ran.exits_with(0)?;
-        assert_eq!(ran.stdout(), "True", "{}", ran.stderr());
+        for import in [
+            "from wrapyfi.connect.wrapper import MiddlewareCommunicator",
+            "from wrapyfi import echo",
+        ] {
+            let mut ran = env.our_python_with(&["-m", "wrapyfi_rs", &script, import], &[])?;
+            ran.exits_with(0)?;
+            assert_eq!(ran.stdout(), "True", "{import}: {}", ran.stderr());
+        }
         Ok(())
     })
 }

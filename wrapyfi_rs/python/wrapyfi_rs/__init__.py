@@ -15,12 +15,17 @@ its environment.
 """
 
 import os
+from typing import TYPE_CHECKING
 
 from . import _native
 from .utils.core_utils import Plugin, PluginRegistrar
 
 __version__ = _native.version()
-__all__ = ["Plugin", "PluginRegistrar", "call", "echo", "list", "send_goal", "why"]
+# Without the functions below, one of which is called list: what a script of Wrapyfi's may take with a star.
+__all__ = ["Plugin", "PluginRegistrar"]
+
+if TYPE_CHECKING:
+    from .graph import call, echo, list, send_goal, why  # noqa: A004
 
 os.register_at_fork(after_in_child=_native.forked)
 

@@ -14,7 +14,7 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from . import _native
+from . import _native, connect  # noqa: F401  which looks for plug-ins
 from ._ends import Value, opened
 from .errors import OptionError
 
