@@ -22,7 +22,7 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo build package-crates package-deb package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: demo build package-crates package-deb package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-wheel setup-frameworks test-fmt test-rust
 .PHONY: test-asan test-frameworks test-publish test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny
 
 DEMO_ARGS ?= --seconds 20
@@ -67,6 +67,9 @@ setup-build:
 
 setup-test:
 	@scripts/setup.sh test
+
+setup-wheel:
+	@scripts/setup.sh wheel
 
 setup-frameworks:
 	@scripts/setup.sh frameworks
@@ -171,21 +174,24 @@ test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
 		cargo nextest run --locked --package wrapyfi_e2e frameworks::
 
-package-crates package-deb package-wheel: package-%: setup-build | target/COLCON_IGNORE
+package-crates package-deb: package-%: setup-build | target/COLCON_IGNORE
 	@packaging/$*/build.sh
+
+package-wheel: setup-wheel | target/COLCON_IGNORE
+	@packaging/wheel/build.sh $(PROCESSORS)
 
 # In a new Debian 12 each, as root; a skip that says why where none can be made.
 test-packages: package-deb package-wheel
 	@packaging/test.sh deb target/package/wrapyfi_*.deb
 	@packaging/test.sh container target/package/wrapyfi_*.deb
-	@packaging/test.sh wheel target/package/wrapyfi_ros2-*.whl
+	@packaging/test.sh wheel target/package/wrapyfi_ros2-*_$$(uname -m).whl
 
 # What crates.io would be given, compiled crate by crate, and installed as from there.
 test-publish: package-crates
 	@CARGO_TARGET_DIR=target/publish $(CARGO) publish --workspace --dry-run --locked --allow-dirty
 	@packaging/crates/test.sh
 
-release: setup-build | target/COLCON_IGNORE
+release: setup-wheel | target/COLCON_IGNORE
 	@packaging/release.sh
 
 # Cargo.toml has it for the crates, the program, the Debian package and the wheel; colcon reads package.xml alone.

@@ -5,6 +5,8 @@ export SOURCE_DATE_EPOCH
 # Paths of this machine are in no program. Not in a development build, where everything would be compiled again.
 if [ "${PROFILE:-dist}" = dist ]; then
     remapped=("$PWD=wrapyfi" "$(realpath -m "${CARGO_TARGET_DIR:-target}")=wrapyfi/target" "${CARGO_HOME:-$HOME/.cargo}=cargo")
+    # Of the standard library, where its sources are installed.
+    remapped+=("$(rustc --print sysroot)=rust")
     export RUSTFLAGS="${RUSTFLAGS:-} ${remapped[*]/#/--remap-path-prefix=}"
     export CFLAGS="${CFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"
     export CXXFLAGS="${CXXFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"

@@ -27,8 +27,11 @@ print(next(p for p in json.load(sys.stdin)["packages"] if p["name"] == "wrapyfi_
     done
     # shellcheck source=packaging/environment.sh
     . packaging/environment.sh
+    # Of an earlier commit.
+    rm -f target/package/wrapyfi_ros2-*.whl
     packaging/deb/build.sh
-    packaging/wheel/build.sh
+    # shellcheck disable=SC2086
+    packaging/wheel/build.sh ${PROCESSORS:-}
     packaging/crates/build.sh
 
     rm -rf "$release"

@@ -68,9 +68,12 @@ rests() {
 # As a reader does it: the program is small, answers, and everything in the demo arrives.
 use() {
     ! inside sh -c 'command -v cc || command -v cargo' || fail "there are compilers, which a reader may lack"
-    local size
-    size=$(stat -Lc %s "$root/$(inside sh -c "command -v ${*: -1}")")
-    [ "$size" -le $((20 * 1024 * 1024)) ] || fail "the program is of $size bytes"
+    local program
+    program=$root/$(inside sh -c "command -v ${*: -1}")
+    ! grep -qF -e "$here/" -e "${CARGO_HOME:-$HOME/.cargo}/" -e "$(rustc --print sysroot)/" "$program" || fail "the program has paths of the machine that built it"
+    # The one with libzmq and libjpeg-turbo inside is to be small as a file that is loaded down.
+    [ "$kind" != wheel ] || program=$file
+    [ "$(stat -Lc %s "$program")" -le $((20 * 1024 * 1024)) ] || fail "$program is of $(stat -Lc %s "$program") bytes"
     local version
     version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$here/Cargo.toml")
     [ "$(inside "$@" --version)" = "wrapyfi $version" ] || fail "$* --version does not say wrapyfi $version"

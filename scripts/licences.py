@@ -21,8 +21,9 @@ PAGE = ROOT / "THIRD_PARTY.md"
 BEGIN, END = "<!-- by scripts/licences.py --write -->\n", "<!-- to here -->\n"
 # A crate that needs one of these to be built may have C in it, or link it.
 OF_C = {"bindgen", "cc", "cmake", "pkg_config", "system_deps", "zeromq_src"}
-# Loaded when the program starts.
+# Loaded when the program starts; in the wheel they are inside, and libsodium with them.
 LINKED = {"libjpeg-turbo": "IJG AND BSD-3-Clause AND Zlib", "libzmq": "LGPL-3.0-or-later OR MPL-2.0"}
+IN_WHEEL = {"libsodium": "ISC"}
 TEXTS = ("licen", "copying", "copyright", "notice", "unlicense")
 
 
@@ -109,6 +110,8 @@ def spdx(packages):
             part("cyclonedds", re.search(r"project\(CycloneDDS VERSION (\S+)", text)[1], "BSD-3-Clause", None, "CONTAINS")
     for name, its in LINKED.items():
         part(name, None, its, None, "DYNAMIC_LINK")
+    for name, its in IN_WHEEL.items():
+        part(name, None, its, None, "STATIC_LINK")
     contents = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     return json.dumps({
         "spdxVersion": "SPDX-2.3", "dataLicense": "CC0-1.0", "SPDXID": "SPDXRef-DOCUMENT", "name": f"wrapyfi-{version}",

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what building (`build`), testing (`test`) or testing with the large Python libraries
-# (`frameworks`) needs on Debian 12 or Ubuntu 24.04. Does nothing, quickly, when all is there.
+# Installs what building (`build`), testing (`test`), building wheels (`wheel`) or testing with the large Python
+# libraries (`frameworks`) needs on Debian 12 or Ubuntu 24.04. Does nothing, quickly, when all is there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -181,10 +181,14 @@ test)
     python_peers
     kilted
     ;;
+wheel)
+    build
+    apt_packages nasm python3-venv
+    ;;
 frameworks)
     frameworks
     ;;
 *)
-    die "usage: scripts/setup.sh build|test|frameworks"
+    die "usage: scripts/setup.sh build|test|wheel|frameworks"
     ;;
 esac

@@ -79,9 +79,11 @@ fn the_version_is_the_same_wherever_it_stands() -> Result {
     let changes = read(&repository().join("CHANGELOG.md"))?;
     let newest = changes.lines().find(|line| line.starts_with("## ")).context("no release")?;
     assert!(newest.split([' ', ':']).any(|word| word == version), "CHANGELOG.md: {newest}");
-    // The wheel, the Debian package and wrapyfi_py take theirs from these.
-    let wheel = read(&repository().join("packaging/wheel/pyproject.toml"))?;
-    assert!(wheel.contains("dynamic = [\"version\"]"), "{wheel}");
+    // The wheels, the Debian packages and wrapyfi_py take theirs from these.
+    for wheel in ["packaging/wheel/pyproject.toml", "wrapyfi_rs/pyproject.toml"] {
+        let wheel = read(&repository().join(wheel))?;
+        assert!(wheel.contains("dynamic = [\"version\"]"), "{wheel}");
+    }
     let python = read(&repository().join("wrapyfi_py/setup.py"))?;
     assert!(python.contains("version=manifest.findtext(\"version\")"), "{python}");
     Ok(())
