@@ -18,10 +18,11 @@ use std::time::Instant;
 use super::broker_ports::{Bound, BrokerPorts, failed_to};
 use super::config::ZeroMqConfig;
 use super::error::BrokerError;
+use super::inside::Inside;
 use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options::SEND_HWM;
-use super::proxy::Proxy;
+use super::proxy::{Proxy, ProxyThread};
 use super::service_proxy::ServiceProxy;
 use super::status::{BrokerStatus, ServiceBrokerStatus};
 use super::supervisor::Supervised;
@@ -146,7 +147,13 @@ impl Supervised for Broker {
             is_untold: false,
             tell_at: Instant::now(),
         };
-        Self::run("zeromq-broker", bound, status, proxy)
+        let proxy = Arc::new(Mutex::new(proxy));
+        // With keys each message is sealed for its connection, and a grant decides who may publish it.
+        if bound.keys.is_none() {
+            let proxy = Arc::<Mutex<Proxy>>::downgrade(&proxy);
+            *ledger.broker.lock() = Some(Inside(proxy));
+        }
+        Self::run("zeromq-broker", bound, status, ProxyThread(proxy))
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::net::IpAddr;
+use std::os::fd::RawFd;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -68,18 +69,10 @@ impl BrokerPorts {
         Ok((Self { front, back, ledger: Arc::clone(ledger) }, bound))
     }
 
-    /// Waits for something to happen at a port; the ports where it did, `None` when it is time to stop.
-    pub(super) fn wait(&self, stop: &Stop, wait_ms: i64) -> zmq::Result<Option<[bool; 2]>> {
-        let [front_unread, back_unread] = [&self.front, &self.back].map(Front::is_unread);
-        let wait_ms = if front_unread || back_unread { 0 } else { wait_ms };
-        let mut items = [
-            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
-            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
-            stop.poll_item(),
-        ];
-        zmq::poll(&mut items, wait_ms)?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
-        Ok((!stop).then_some([front || front_unread, back || back_unread]))
+    /// Wait for something to happen at a port, for `wait_ms` at most.
+    pub(super) fn waits(&self, wait_ms: i64) -> Wait {
+        let ports = [&self.front, &self.back];
+        Wait { ports: ports.map(Front::fd), unread: ports.map(Front::is_unread), wait_ms }
     }
 
     /// Looks for peers that are dead, and gives memory back.
@@ -96,6 +89,27 @@ impl BrokerPorts {
             self.ledger.refused(&refusal);
         }
         front::cuts([&self.front, &self.back])
+    }
+}
+
+/// Wait for something to happen at a port.
+pub(super) struct Wait {
+    ports: [RawFd; 2],
+    /// Sides with more to be read, which are not waited for.
+    unread: [bool; 2],
+    wait_ms: i64,
+}
+
+impl Wait {
+    /// The ports where something happened, `None` when it is time to stop.
+    pub(super) fn on(self, stop: &Stop) -> zmq::Result<Option<[bool; 2]>> {
+        let [front_unread, back_unread] = self.unread;
+        let wait_ms = if front_unread || back_unread { 0 } else { self.wait_ms };
+        let [front, back] = self.ports.map(|port| zmq::PollItem::from_fd(port, zmq::POLLIN));
+        let mut items = [front, back, stop.poll_item()];
+        zmq::poll(&mut items, wait_ms)?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        Ok((!stop).then_some([front || front_unread, back || back_unread]))
     }
 }
 

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 
 use super::curve_config::CurveClient;
+use super::inside::Inside;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused, Role};
 
@@ -37,6 +38,8 @@ pub(super) struct Ledger {
     entries: Mutex<BTreeMap<Key, Vec<Weak<Counters>>>>,
     /// Number of servers at the broker of requests and replies, where it is this process that runs it.
     pub(super) servers: Mutex<Option<usize>>,
+    /// Broker of topics, where it is this process that runs it, without CURVE.
+    pub(super) broker: Mutex<Option<Inside>>,
 }
 
 impl Ledger {

@@ -23,7 +23,7 @@
 //! | `service_proxy` | the thread of the other |
 //! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server`, `shared` | the endpoints, what they share |
-//! | `publisher_connection` | a publisher's connection to the broker |
+//! | `publisher_connection`, `inside` | a publisher's connection to the broker, its way into one of the same process |
 //! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | one connection that is not libzmq's: its security, what waits for it, what comes of it; the protocol there |
 //! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
 //! | [`codec`] | payloads as the frames of a message, by the settings of the topic |
@@ -50,6 +50,7 @@ mod error;
 mod frames;
 mod front;
 mod heard;
+mod inside;
 mod io;
 mod ledger;
 mod link;

@@ -7,6 +7,9 @@
 //!                                  └─ Monitor ── counts ──┘
 //! ```
 //!
+//! A publisher of the process that the broker runs in needs no XSUB: its messages go to the front on its own thread, and
+//! only subscriptions come to it by its connection.
+//!
 //! Frames are moved, not copied, where they are large. The monitor sees subscriptions only: messages, however many,
 //! cannot delay the counts by more than one batch.
 //!
@@ -19,9 +22,10 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::assembly::NotTaken;
-use super::broker_ports::BrokerPorts;
+use super::broker_ports::{BrokerPorts, Wait};
 use super::codec::looks_like;
 use super::heard::Heard;
+use super::inside::Passes;
 use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
@@ -36,6 +40,7 @@ const REPEAT: Duration = Duration::from_millis(500);
 /// the broker to its messages.
 const REST: u32 = 10;
 
+/// State of the broker, which its thread and publishers of this process use in turn.
 pub(super) struct Proxy {
     pub(super) ports: BrokerPorts,
     pub(super) monitor: Monitor,
@@ -95,24 +100,10 @@ impl Proxy {
         }
         let messages = std::mem::take(&mut self.ports.back.messages);
         let any = !messages.is_empty();
-        let mut status = self.status.lock();
         for (_, frames) in messages {
-            let bytes = frames.iter().map(Bytes::len).sum();
-            let forged = |first: &Bytes| {
-                self.monitor.is_forged(first)
-                    || OWN_TOPICS.iter().any(|own| first.starts_with(own.as_bytes()))
-            };
-            if frames.first().is_some_and(forged) {
-                status.forged += 1;
-                continue;
-            }
-            if let (Some(topic), Some(last)) = (frames.first(), frames.last()) {
-                self.traffic.count(topic, bytes, looks_like(frames.len(), last));
-            }
-            self.ports.front.publish(frames, Some(bytes));
-            status.messages += 1;
-            status.bytes += bytes as u64;
+            self.pass(frames);
         }
+        let mut status = self.status.lock();
         for NotTaken { topic, reason } in std::mem::take(&mut self.ports.back.not_taken) {
             *status.missed.entry(reason.as_str()).or_default() += 1;
             self.traffic.not_taken(&topic);
@@ -121,6 +112,26 @@ impl Proxy {
         self.ports.front.flush();
         status.ignored += self.ports.back.heard.drain(..).len() as u64;
         any
+    }
+
+    /// Passes a message on to the queues of its listeners.
+    fn pass(&mut self, frames: Vec<Bytes>) {
+        let bytes = frames.iter().map(Bytes::len).sum();
+        let forged = |first: &Bytes| {
+            self.monitor.is_forged(first)
+                || OWN_TOPICS.iter().any(|own| first.starts_with(own.as_bytes()))
+        };
+        if frames.first().is_some_and(forged) {
+            self.status.lock().forged += 1;
+            return;
+        }
+        if let (Some(topic), Some(last)) = (frames.first(), frames.last()) {
+            self.traffic.count(topic, bytes, looks_like(frames.len(), last));
+        }
+        self.ports.front.publish(frames, Some(bytes));
+        let mut status = self.status.lock();
+        status.messages += 1;
+        status.bytes += bytes as u64;
     }
 
     /// Counts what listeners missed, and who was refused.
@@ -163,19 +174,16 @@ impl Proxy {
         }
         self.ports.front.flush();
     }
-}
 
-impl Turns for Proxy {
-    const NAME: &'static str = "the ZeroMQ broker";
-
-    /// Waits for one event or for the time of the next counts.
-    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
+    /// Wait for what happens next, or for the time of the next counts.
+    fn waits(&self) -> Wait {
         let tell_at =
             if self.is_untold { self.tell_at.min(self.repeat_at) } else { self.repeat_at };
-        let wait = options::poll_ms(tell_at.saturating_duration_since(Instant::now()));
-        let Some([front, back]) = self.ports.wait(stop, wait)? else {
-            return Ok(false);
-        };
+        self.ports.waits(options::poll_ms(tell_at.saturating_duration_since(Instant::now())))
+    }
+
+    /// Handles what has happened at the two ports.
+    fn handle(&mut self, [front, back]: [bool; 2]) {
         let mut now = Instant::now();
         if front {
             if let Err(error) = self.ports.front.turn(now) {
@@ -199,15 +207,10 @@ impl Turns for Proxy {
             self.tell_at = Instant::now() + now.elapsed() * REST;
         }
         self.settle();
-        Ok(true)
-    }
-
-    fn failed(&mut self, why: Option<String>) {
-        self.status.lock().failure = why;
     }
 
     /// Passes on what has come, and what waits.
-    fn end(mut self) {
+    fn close(&mut self) {
         let deadline = Instant::now() + options::LINGER;
         while self.pass_messages(Instant::now()) || self.ports.back.is_unread() {
             if Instant::now() >= deadline {
@@ -216,5 +219,37 @@ impl Turns for Proxy {
         }
         self.ports.front.close(deadline);
         self.settle();
+    }
+}
+
+/// The broker as its thread has it: unlocked while it waits.
+pub(super) struct ProxyThread(pub(super) Arc<Mutex<Proxy>>);
+
+impl Turns for ProxyThread {
+    const NAME: &'static str = "the ZeroMQ broker";
+
+    /// Waits for one event or for the time of the next counts.
+    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
+        let wait = self.0.lock().waits();
+        let Some(happened) = wait.on(stop)? else { return Ok(false) };
+        self.0.lock().handle(happened);
+        Ok(true)
+    }
+
+    fn failed(&mut self, why: Option<String>) {
+        self.0.lock().status.lock().failure = why;
+    }
+
+    fn end(self) {
+        self.0.lock().close();
+    }
+}
+
+impl Passes for Mutex<Proxy> {
+    fn pass_on(&self, frames: Vec<Bytes>) {
+        let mut proxy = self.lock();
+        proxy.pass(frames);
+        proxy.ports.front.flush();
+        proxy.settle();
     }
 }

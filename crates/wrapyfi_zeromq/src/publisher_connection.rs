@@ -6,6 +6,9 @@
 //!   I/O thread:  connects, hears subscriptions, writes when there is room
 //! ```
 //!
+//! A broker in this process is given the message on the caller's thread: no copy of it goes through TCP, and no thread is
+//! woken that only passes it on.
+//!
 //! As at the broker's ports, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
 //! messages and not in bytes, and throws it away without a word when the connection ends.
 
@@ -20,10 +23,12 @@ use mio::{Interest, Registry};
 
 use super::curve::{self, Curve, Keys};
 use super::heard;
+use super::inside::Inside;
 use super::io::{Command, Handle, IoEndpoint, IoProgress, token};
+use super::ledger::Ledger;
 use super::link::{self, BrokerLink};
 use super::message::{Message, Outgoing};
-use super::own_messages::OwnTopic;
+use super::own_messages::{Fingerprint, OwnTopic};
 use super::peer::Peer;
 use super::shared::ZeroMqState;
 use super::{contexts, options};
@@ -48,6 +53,7 @@ pub(super) struct PublisherConnection {
     io: Arc<Handle>,
     /// Keys of this process, where connections are to have CURVE.
     keys: Option<Arc<Keys>>,
+    ledger: Arc<Ledger>,
     state: Mutex<ConnectionState>,
 }
 
@@ -64,7 +70,8 @@ enum Way {
     Down(Instant),
     /// The broker has not yet taken the connection that was begun at this instant.
     Begun(TcpStream, Instant),
-    Up(Box<Peer>),
+    /// Messages go to the broker itself, where it is in this process; then the connection only tells who is subscribed.
+    Up(Box<Peer>, Option<Inside>),
     Ended,
 }
 
@@ -87,6 +94,7 @@ impl PublisherConnection {
             hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
             link: shared.link(&options::endpoint(broker.ip(), broker.port()), topic),
             keys: shared.keys.clone(),
+            ledger: Arc::clone(&shared.ledger),
             own,
             context: context.clone(),
             io: Arc::clone(io),
@@ -103,7 +111,7 @@ impl PublisherConnection {
 
     /// True where the broker has said that our key may not publish the topic.
     pub(super) fn is_refused(&self) -> bool {
-        matches!(&self.state.lock().way, Way::Up(peer) if peer.is_refused)
+        matches!(&self.state.lock().way, Way::Up(peer, _) if peer.is_refused)
     }
 
     /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
@@ -113,21 +121,33 @@ impl PublisherConnection {
     pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
         // Before it is sent: it may be back before we are.
         let print = self.own.remember(&frames, &self.context.clock);
-        let frames = frames.into_iter().map(Bytes::from).collect();
-        let of = Some((self.topic.clone(), bytes));
-        let message = Message::new(frames, self.keys.is_some(), of, print);
-        let queued = self.queue(&message);
-        if queued.is_err() {
-            self.forget(&message);
+        let frames: Vec<Bytes> = frames.into_iter().map(Bytes::from).collect();
+        let sent = self.open().and_then(|inside| match inside {
+            // Not under the lock of the connection: the broker has one of its own.
+            Some(broker) => broker.pass(frames).then_some(()).ok_or(DropReason::SendFailed),
+            None => {
+                let of = Some((self.topic.clone(), bytes));
+                self.queue(&Message::new(frames, self.keys.is_some(), of, print))
+            }
+        });
+        if sent.is_err() {
+            self.forget(print);
         }
-        queued
+        sent
+    }
+
+    /// The broker, where messages go to it itself.
+    fn open(&self) -> Result<Option<Inside>, DropReason> {
+        match &self.state.lock().way {
+            Way::Up(peer, inside) if takes_messages(peer) => Ok(inside.clone()),
+            _ => Err(DropReason::SendFailed),
+        }
     }
 
     fn queue(&self, message: &Arc<Message>) -> Result<(), DropReason> {
         let mut state = self.state.lock();
-        let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
-        // A connection that has just been made anew: a message before its handshake would end it.
-        if !peer.is_open() || peer.topics.is_empty() {
+        let Way::Up(peer, _) = &mut state.way else { return Err(DropReason::SendFailed) };
+        if !takes_messages(peer) {
             return Err(DropReason::SendFailed);
         }
         peer.queue(message, self.hwm)?;
@@ -179,12 +199,16 @@ impl PublisherConnection {
             if let Way::Begun(stream, _) = std::mem::replace(&mut state.way, Way::Ended) {
                 let peer = Peer::new(stream, self.broker, now).of_topic(self.topic.clone());
                 match self.secure(peer) {
-                    Ok(peer) => state.way = Way::Up(Box::new(peer)),
+                    Ok(peer) => {
+                        let inside = self.ledger.broker.lock().clone();
+                        let inside = inside.filter(Inside::is_there);
+                        state.way = Way::Up(Box::new(peer), inside);
+                    }
                     Err(breach) => return self.lose(state, now, &breach),
                 }
             }
         }
-        let Way::Up(peer) = &mut state.way else { return IoProgress::over() };
+        let Way::Up(peer, _) = &mut state.way else { return IoProgress::over() };
         let mut heard = Vec::new();
         // At the end too: what is left unread would make the system throw away what it has not sent.
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
@@ -238,7 +262,7 @@ impl PublisherConnection {
         tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
         let pause = state.backoff.wait();
         match std::mem::replace(&mut state.way, Way::Down(now + pause)) {
-            Way::Up(peer) => {
+            Way::Up(peer, _) => {
                 self.link.disconnected();
                 self.count_lost(&peer, DropReason::ConnectionLost);
             }
@@ -249,7 +273,7 @@ impl PublisherConnection {
 
     /// Ends the connection for good.
     fn end(&self, state: &mut ConnectionState) -> IoProgress {
-        if let Way::Up(peer) = std::mem::replace(&mut state.way, Way::Ended) {
+        if let Way::Up(peer, _) = std::mem::replace(&mut state.way, Way::Ended) {
             self.count_lost(&peer, DropReason::Closed);
         }
         IoProgress::over()
@@ -260,13 +284,13 @@ impl PublisherConnection {
             if let Some((_, bytes)) = message.of {
                 self.context.counters.undelivered(reason, bytes);
             }
-            self.forget(message);
+            self.forget(message.print);
         }
     }
 
     /// An equal message that comes after one that was not sent is another program's.
-    fn forget(&self, message: &Message) {
-        if let Some(print) = message.print {
+    fn forget(&self, print: Option<Fingerprint>) {
+        if let Some(print) = print {
             self.own.forget(print);
         }
     }
@@ -301,10 +325,17 @@ impl IoEndpoint for Arc<PublisherConnection> {
 impl ConnectionState {
     fn subscriptions(&self, named: bool) -> usize {
         match &self.way {
-            Way::Up(peer) => peer.topics.iter().filter(|topic| !named || !topic.is_empty()).count(),
+            Way::Up(peer, _) => {
+                peer.topics.iter().filter(|topic| !named || !topic.is_empty()).count()
+            }
             _ => 0,
         }
     }
+}
+
+/// False for a connection that has just been made anew: a message before its handshake would end it.
+fn takes_messages(peer: &Peer) -> bool {
+    peer.is_open() && !peer.topics.is_empty()
 }
 
 /// Begins a connection, whose events the I/O thread is told.

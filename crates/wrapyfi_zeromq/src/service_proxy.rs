@@ -290,7 +290,8 @@ impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
     fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
-        let Some([front, back]) = self.ports.wait(stop, self.wait_ms())? else {
+        let wait = self.ports.waits(self.wait_ms());
+        let Some([front, back]) = wait.on(stop)? else {
             self.last_replies()?;
             self.show();
             return Ok(false);

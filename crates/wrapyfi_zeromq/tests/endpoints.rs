@@ -86,6 +86,24 @@ fn what_is_published_arrives_in_either_order_of_start() {
     }
 }
 
+/// No thread of the broker has to run between the two: what was published has been passed on.
+#[test]
+fn a_publisher_in_the_process_of_the_broker_passes_its_messages_on_itself() {
+    let ours = ZeroMq::start(&any_ports()).unwrap();
+    let context = zmq::Context::new();
+    let listener = subscriber(&context, ours.pub_port(), "/a");
+    let mut publisher = ours.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    ready(&*publisher);
+    for n in 1..=100 {
+        publisher.publish(&number(n)).unwrap();
+        assert_eq!(ours.broker_status().unwrap().messages, n.unsigned_abs());
+    }
+    for n in 1..=100 {
+        let frames = listener.recv_multipart(0).unwrap();
+        assert_eq!(frames, [b"/a".to_vec(), n.to_string().into_bytes()]);
+    }
+}
+
 #[test]
 fn longer_topics_and_bad_messages_are_counted() {
     let zeromq = ZeroMq::start(&any_ports()).unwrap();
