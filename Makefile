@@ -166,7 +166,7 @@ test-python:
 
 # Not part of `make test`: the libraries take 3 GB of disk.
 test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
-	@$(CARGO) build --locked --package wrapyfi_bridge
+	@$(CARGO) build --locked --package wrapyfi_bridge --package wrapyfi_python
 	@$(CARGO) nextest run --locked --package wrapyfi_e2e --no-run
 	@$(CARGO) nextest run --locked --package wrapyfi_data --features candle \
 		tensor_candle::
@@ -214,7 +214,7 @@ test-colcon:
 
 # Built outside: the namespace has no network.
 bench: setup-test | target/COLCON_IGNORE
-	@$(CARGO) build --release --locked --package wrapyfi_bridge --package wrapyfi_bench
+	@$(CARGO) build --release --locked --package wrapyfi_bridge --package wrapyfi_python --package wrapyfi_bench
 	@scripts/lo-namespace.sh target/release/wrapyfi_bench $(BENCH_ARGS)
 
 # colcon reads every folder below the one it starts in.

@@ -1,18 +1,22 @@
 #!/usr/bin/env python3
 """Python Wrapyfi as source, forwarder or sink of a measured way. Started once, obeys for many turns.
 
+The same on `wrapyfi_rs`, by `python -m wrapyfi_rs python_wrapyfi.py ...`.
+
     python_wrapyfi.py source  --pub-port P --sub-port S     runs Wrapyfi's broker too
     python_wrapyfi.py forward --pub-port P --sub-port S     listens to /in/X, publishes /out/X
     python_wrapyfi.py sink    --pub-port P --sub-port S --acks PORT
+    python_wrapyfi.py serve   --rep-port P --req-port Q     answers requests with pictures; runs their broker
     python_wrapyfi.py code                                  coding alone, no transport
 
 Orders on stdin and results on stdout are one JSON object a line, as bench/src/worker.rs has them:
-the source is told {"do": "warm" | "paced" | "window", "way": "hop" | "forward", "payload": X, ...},
+the source is told {"do": "warm" | "paced" | "window" | "ask", "way": "hop" | "forward", "payload": X, ...},
 sink and forwarder {"way": ..., "payload": X}, or null to rest. The sink tells the source of every
 arrival as two 64-bit numbers over TCP: the message's number and CLOCK_MONOTONIC in nanoseconds.
 
-Every listener looks for messages without sleeping, as Wrapyfi's own benchmark does; the forwarder
-sleeps 0.1 ms where nothing waits, because three processes that never sleep hinder each other.
+Every listener of Wrapyfi looks for messages without sleeping, as Wrapyfi's own benchmark does; the forwarder
+sleeps 0.1 ms where nothing waits, because three processes that never sleep hinder each other. Those of
+`wrapyfi_rs` wait, and look what they were told every 0.2 s.
 """
 import argparse
 import json
@@ -26,20 +30,20 @@ import threading
 import time
 
 logging.disable(logging.WARNING)
-import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
-from wrapyfi.utils.image_encoders import JpegEncoder  # noqa: E402
-from wrapyfi.utils.serialization_encoders import JsonDecodeHook, JsonEncoder  # noqa: E402
 
 BASE = 1_700_000_000
 BITS = np.arange(24)
 WARM, AWAKE_NS, SILENCE_S = 5, 250_000, 2.0
+ASK = "/ask"
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["source", "forward", "sink", "code"])
+parser.add_argument("role", choices=["source", "forward", "sink", "serve", "code"])
 parser.add_argument("--pub-port", type=int, default=0)
 parser.add_argument("--sub-port", type=int, default=0)
+parser.add_argument("--rep-port", type=int, default=0)
+parser.add_argument("--req-port", type=int, default=0)
 parser.add_argument("--acks", type=int, default=0)
 args = parser.parse_args()
 
@@ -93,7 +97,7 @@ def arrived(value):
     return value is not None and not (isinstance(value, tuple) and value[0] is None)
 
 
-def register(kind, topic, broker):
+def register(kind, topic, broker, wait_ms):
     """A class with one method on one topic, as a script of a user has it."""
     extra = {"chunk": 8820, "rate": 44100, "channels": 1} if kind == "audio" else {}
     if kind == "vga-jpeg":
@@ -102,10 +106,12 @@ def register(kind, topic, broker):
     data_type = {"audio": "AudioChunk", **pictures}.get(kind, "NativeObject")
     # Without the monitor a publisher waits for nobody: the source sends until something arrives.
     options = dict(should_wait=True, socket_pub_port=args.pub_port, start_pubsub_monitor_broker=False, **extra)
+    # Only `wrapyfi_rs` knows the time: Wrapyfi's listeners do not wait, and its requests wait for ever.
+    options.update(socket_rep_port=args.rep_port, socket_req_port=args.req_port, timeout_ms=wait_ms)
     sending = dict(socket_sub_port=args.sub_port, start_proxy_broker=broker)
 
     def message(self, value=None):
-        return (value,)
+        return (number(kind, value) if topic == ASK else value,)
 
     # Wrapyfi keeps its registry by the names of class and method: every topic needs its own.
     name = "Exchange" + "".join(part.capitalize() for part in topic.replace("-", "/").split("/"))
@@ -118,15 +124,22 @@ class Way:
     """One end of one topic; connects when it is first used."""
 
     def __init__(self, kind, topic, mode, broker=False):
-        self.node = register(kind, topic, broker)
+        self.node = register(kind, topic, broker, wait_ms=200 if mode == "listen" else 20_000)
         self.node.activate_communication(self.node.message, mode=mode)
 
     def send(self, value):
         self.node.message(value=value)
 
     def receive(self):
-        (value,) = self.node.message()
+        try:
+            (value,) = self.node.message()
+        except TimeoutError:
+            return None
         return value if arrived(value) else None
+
+    def ask(self, seq):
+        (value,) = self.node.message(value=seq)
+        return value
 
 
 def say(document):
@@ -151,7 +164,7 @@ class Source:
     def way_to(self, topic, payload):
         if topic not in self.ways:
             # Wrapyfi starts its broker, a process, with the first of them.
-            self.ways[topic] = Way(payload, topic, "publish", broker=True)
+            self.ways[topic] = Way(payload, topic, "request" if topic == ASK else "publish", broker=topic != ASK)
         return self.ways[topic]
 
     def hear(self, patience):
@@ -234,10 +247,26 @@ class Source:
                     return self.finish()
         return self.finish()
 
+    def asked(self, payload, count):
+        """Microseconds of requests one after the other, each of which is answered with another picture."""
+        self.begin()
+        client, latency = self.way_to(ASK, payload), []
+        for seq in range(1, count + 1):
+            start = time.perf_counter_ns()
+            value = client.ask(seq)
+            latency.append((time.perf_counter_ns() - start) / 1e3)
+            if number_of(payload, value) != seq:
+                raise SystemExit(f"request {seq} was answered with {number_of(payload, value)}")
+        return {"sent": count, "refused": 0, "received": count, "duplicates": 0, "latency_us": latency,
+                "latest_us": 0.0, "awake_ns": 0, "span_ns": time.monotonic_ns() - self.start}
+
     def run(self):
         for line in sys.stdin:
             order = json.loads(line)
             payload = order["payload"]
+            if order["do"] == "ask":
+                say(self.asked(payload, order["count"]))
+                continue
             self.way = self.way_to(("/in/" if order["way"] == "hop" else "/via/") + payload, payload)
             if order["do"] == "warm":
                 say(self.warm(payload))
@@ -299,8 +328,23 @@ def forward():
     follow(act, lambda: time.sleep(0.01))
 
 
+def serve():
+    say({})
+    server = Way("vga-rgb", ASK, "reply", broker=True)
+    # Not by sys.stdin, which the process of Wrapyfi's broker would wait for.
+    threading.Thread(target=lambda: (os.read(0, 1), leave()), daemon=True).start()
+    while True:
+        try:
+            server.node.message()
+        except TimeoutError:
+            pass
+
+
 def code():
     """{"payload", "repeats"} on stdin: medians of Wrapyfi's own coding in microseconds."""
+    import cv2
+    from wrapyfi.utils.image_encoders import JpegEncoder
+    from wrapyfi.utils.serialization_encoders import JsonDecodeHook, JsonEncoder
     hook, jpeg = JsonDecodeHook().object_hook, JpegEncoder()
 
     def write(value):
@@ -339,5 +383,7 @@ elif args.role == "sink":
     sink()
 elif args.role == "forward":
     forward()
+elif args.role == "serve":
+    serve()
 else:
     code()

@@ -7,6 +7,7 @@ use crate::payload::Kind::{
     self, Audio, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb,
 };
 use crate::payload::name;
+use crate::python::Library;
 use crate::worker::Order;
 
 named! {
@@ -25,6 +26,8 @@ named! {
         RosToZmq => "bridge ROS 2 to ZeroMQ",
         /// Python Wrapyfi: publisher, its broker, listener.
         PythonHop => "Python Wrapyfi, one hop with coding",
+        /// The same script on the package `wrapyfi_rs`.
+        PackageHop => "wrapyfi_rs, one hop with coding",
         /// Our publisher, our broker, our listener; coding included.
         RustHop => "our library, one hop with coding",
         /// Python Wrapyfi: publisher, its broker, forwarding script, its broker, listener.
@@ -37,9 +40,13 @@ named! {
 }
 
 impl Way {
-    /// True where Python Wrapyfi is needed.
-    pub(crate) fn is_python(self) -> bool {
-        matches!(self, Self::PythonHop | Self::PythonForward)
+    /// The library of Python that the way is through.
+    pub(crate) fn library(self) -> Option<Library> {
+        match self {
+            Self::PythonHop | Self::PythonForward => Some(Library::Wrapyfi),
+            Self::PackageHop => Some(Library::Package),
+            _ => None,
+        }
     }
 
     /// True where the program `wrapyfi` has a bridge in it.
@@ -61,7 +68,7 @@ impl Way {
 
     /// True where a message is coded at the ends, as a program of a user does.
     fn is_coded(self) -> bool {
-        self.is_python() || matches!(self, Self::RustHop | Self::RustForward)
+        self.library().is_some() || matches!(self, Self::RustHop | Self::RustForward)
     }
 }
 
@@ -113,7 +120,7 @@ impl Case {
         if self.payload == Small && matches!(self.way, Way::RawZmq | Way::OurPublisher) {
             return Order::Window { count: 10_000, inflight: 64 };
         }
-        let count = match (self.payload, self.way.is_python()) {
+        let count = match (self.payload, self.way.library().is_some()) {
             (FileMib, _) => 300,
             (Small | Audio, _) => 400,
             (VgaJpeg, _) if self.way.is_coded() => 30,

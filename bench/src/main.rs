@@ -7,6 +7,7 @@ mod child;
 mod clock;
 mod engine;
 mod micro;
+mod package;
 mod payload;
 mod proc;
 mod python;
@@ -25,7 +26,7 @@ use clap::{Parser, Subcommand};
 
 use case::Case;
 use micro::Micro;
-use python::Python;
+use python::{Library, Python};
 use report::Target;
 use turn::Bench;
 use ways::Ways;
@@ -40,7 +41,7 @@ struct Cli {
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
     #[arg(long)]
     quick: bool,
-    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `stream`, `routes`: only that.
+    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `package`, `stream`, `routes`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Another `wrapyfi`, of another version: its broker and bridge have a turn after each of this one's.
@@ -131,12 +132,15 @@ fn run(cli: &Cli) -> Result<()> {
     let (mut notes, mut targets, mut ways) =
         (Notes::default(), Vec::<Target>::new(), Ways::default());
     let (mut loads, mut coding) = (vec![proc::load()], String::new());
-    let mut python = None;
-    if wants("micro") || cases.iter().any(|case| case.way.is_python()) {
+    let start = |library, is_wanted: bool| {
+        let needs = is_wanted || cases.iter().any(|case| case.way.library() == Some(library));
+        let start = || Python::start(library, repository, folder.path());
+        let started = needs.then(start).transpose();
         // Half of the rows compare with it.
-        let started = Python::start(repository, folder.path());
-        python = Some(started.context("Python Wrapyfi, which `make setup-test` installs")?);
-    }
+        started.context("Python Wrapyfi, which `make setup-test` installs")
+    };
+    let mut python = start(Library::Wrapyfi, wants("micro") || wants("package"))?;
+    let mut ours = start(Library::Package, wants("package"))?;
 
     // Bridged ways are compared with base64 of the same run.
     let filter = only.map(|only| match only.strip_prefix("micro") {
@@ -165,10 +169,13 @@ fn run(cli: &Cli) -> Result<()> {
             order.reverse();
         }
         for case in order {
-            let turn = match (&mut python, case.way.is_python()) {
-                (_, false) => bench.turn(case),
-                (Some(python), true) => python.turn(case),
-                (None, true) => continue,
+            let turn = match case.way.library() {
+                None => bench.turn(case),
+                Some(library) => {
+                    let found = if library == Library::Package { &mut ours } else { &mut python };
+                    let Some(python) = found else { continue };
+                    python.turn(case)
+                }
             };
             if let Some(turn) = notes.some(&format!("round {round}, {}", case.name()), turn) {
                 ways.add(round, case, turn);
@@ -180,7 +187,14 @@ fn run(cli: &Cli) -> Result<()> {
             begin.elapsed().as_secs_f64()
         ));
     }
-    drop(python);
+    if wants("package")
+        && let Some((python, ours)) = python.as_mut().zip(ours.as_mut())
+    {
+        targets.extend(
+            notes.some("package", package::run(python, ours, cli.rounds)).unwrap_or_default(),
+        );
+    }
+    drop((python, ours));
     targets.extend(ways.targets(&micro));
     if wants("stream") {
         let found = ways::stream(&bench, if cli.quick { 10 } else { 60 });

@@ -1,11 +1,13 @@
-//! Python Wrapyfi, measured by the same orders: `peers/python_wrapyfi.py`.
+//! Python Wrapyfi and our package for Python, measured by the same orders to the same script: `peers/python_wrapyfi.py`.
 //!
 //! Its processes take seconds to start, so they are started once and rest between their turns.
 
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -13,15 +15,28 @@ use crate::case::{Case, Way};
 use crate::child::Child;
 use crate::payload::{Kind, name};
 use crate::proc;
+use crate::report::quantile;
 use crate::turn::{Acks, Cpu, Phase, Turn, ports};
 use crate::worker::{Order, Report};
 
-/// Source with Wrapyfi's broker, forwarder, sink, and one that only codes.
+/// Library that `import wrapyfi` means in the script.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Library {
+    Wrapyfi,
+    /// `wrapyfi_rs`, by `python -m wrapyfi_rs`.
+    Package,
+}
+
+/// Source with its broker, forwarder, sink, a server with its broker, and one that only codes.
 pub(crate) struct Python {
+    library: Library,
+    interpreter: PathBuf,
+    package: PathBuf,
     source: Child,
     forward: Child,
     sink: Child,
-    coder: Child,
+    _server: Child,
+    coder: Option<Child>,
 }
 
 /// Medians of Wrapyfi's own coding.
@@ -29,6 +44,26 @@ pub(crate) struct Python {
 pub(crate) struct Coding {
     pub(crate) encode_us: f64,
     pub(crate) decode_us: f64,
+}
+
+/// A folder below this one where Python finds the package `wrapyfi_rs`, as a wheel has it.
+fn package(repository: &Path, folder: &Path) -> Result<PathBuf> {
+    let (all, sources) = (folder.join("python"), repository.join("wrapyfi_rs/python/wrapyfi_rs"));
+    let package = all.join("wrapyfi_rs");
+    if package.exists() {
+        return Ok(all);
+    }
+    let library = std::env::current_exe()?.with_file_name("libwrapyfi_python.so");
+    if !library.is_file() {
+        bail!("no library at {}: cargo build --release -p wrapyfi_python", library.display());
+    }
+    std::fs::create_dir_all(&package)?;
+    symlink(library, package.join("_native.abi3.so"))?;
+    for entry in std::fs::read_dir(&sources)? {
+        let entry = entry?;
+        symlink(entry.path(), package.join(entry.file_name()))?;
+    }
+    Ok(all)
 }
 
 /// The interpreter: `WRAPYFI_PYTHON`, else the one `make test` installs.
@@ -48,21 +83,66 @@ fn interpreter(repository: &Path) -> Result<PathBuf> {
 
 impl Python {
     /// Starts all of it.
-    pub(crate) fn start(repository: &Path, folder: &Path) -> Result<Self> {
-        let python = interpreter(repository)?;
-        let (pub_port, sub_port) = ports()?;
+    pub(crate) fn start(library: Library, repository: &Path, folder: &Path) -> Result<Self> {
+        let (interpreter, package) = (interpreter(repository)?, package(repository, folder)?);
+        let ((pub_port, sub_port), (rep_port, req_port)) = (ports()?, ports()?);
         let start = |role: &str, acks: u16| {
-            let mut command = Command::new(&python);
+            let mut command = Command::new(&interpreter);
+            if library == Library::Package {
+                command.env("PYTHONPATH", &package).args(["-m", "wrapyfi_rs"]);
+            }
             command.arg(repository.join("bench/peers/python_wrapyfi.py")).arg(role);
-            command.args(["--pub-port", &pub_port.to_string()]);
-            command.args(["--sub-port", &sub_port.to_string()]);
-            command.args(["--acks", &acks.to_string()]);
-            Child::start(&format!("python-{role}"), command, folder)
+            for (option, port) in [
+                ("--pub-port", pub_port),
+                ("--sub-port", sub_port),
+                ("--rep-port", rep_port),
+                ("--req-port", req_port),
+                ("--acks", acks),
+            ] {
+                command.args([option, &port.to_string()]);
+            }
+            Child::start(&format!("{library:?}-{role}"), command, folder)
         };
+        let mut server = start("serve", 0)?;
+        server.answer::<serde_json::Value>()?;
         let mut source = start("source", 0)?;
         let Acks { acks } = source.answer()?;
-        let sink = start("sink", acks)?;
-        Ok(Self { source, sink, forward: start("forward", 0)?, coder: start("code", 0)? })
+        let (sink, forward) = (start("sink", acks)?, start("forward", 0)?);
+        let coder = (library == Library::Wrapyfi).then(|| start("code", 0)).transpose()?;
+        Ok(Self { library, interpreter, package, source, sink, forward, _server: server, coder })
+    }
+
+    /// Median time of requests for a picture, in microseconds.
+    pub(crate) fn asked(&mut self, payload: Kind, count: u32) -> Result<f64> {
+        self.source.tell(&json!({ "do": "ask", "payload": name(&payload), "count": count }))?;
+        Ok(quantile(&self.source.answer::<Report>()?.latency_us, 0.5))
+    }
+
+    /// Percent of a core that a listener takes to which nothing comes.
+    pub(crate) fn waiting(&mut self, time: Duration) -> Result<f64> {
+        self.sink.tell(&json!({ "way": "hop", "payload": "silent" }))?;
+        std::thread::sleep(Duration::from_secs(1));
+        let (before, begin) = (proc::cpu_ns(self.sink.id()), Instant::now());
+        std::thread::sleep(time);
+        let used = proc::cpu_ns(self.sink.id()).saturating_sub(before);
+        let share = used as f64 / begin.elapsed().as_nanos() as f64;
+        self.sink.tell(&())?;
+        Ok(share * 100.0)
+    }
+
+    /// Milliseconds that the import takes which scripts begin with.
+    pub(crate) fn import(&self) -> Result<f64> {
+        let library = if self.library == Library::Wrapyfi { "wrapyfi" } else { "wrapyfi_rs" };
+        let text = format!(
+            "import time; before = time.perf_counter(); \
+             from {library}.connect.wrapper import MiddlewareCommunicator; \
+             print((time.perf_counter() - before) * 1000)"
+        );
+        let mut command = Command::new(&self.interpreter);
+        let output = command.env("PYTHONPATH", &self.package).args(["-c", &text]).output()?;
+        let said = String::from_utf8_lossy(&output.stdout);
+        let found = said.trim().parse();
+        found.with_context(|| String::from_utf8_lossy(&output.stderr).into_owned())
     }
 
     /// Measures a case once.
@@ -116,7 +196,8 @@ impl Python {
 
     /// Coding alone, without a transport.
     pub(crate) fn coding(&mut self, kind: Kind, repeats: u32) -> Result<Coding> {
-        self.coder.tell(&json!({ "payload": name(&kind), "repeats": repeats }))?;
-        self.coder.answer()
+        let coder = self.coder.as_mut().context("a library whose coding is not measured")?;
+        coder.tell(&json!({ "payload": name(&kind), "repeats": repeats }))?;
+        coder.answer()
     }
 }

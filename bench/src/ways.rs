@@ -8,11 +8,11 @@ use anyhow::Result;
 
 use crate::case::Case;
 use crate::case::Way::{
-    self, OurPublisher, PythonForward, PythonHop, RawDds, RawZmq, RosToZmq, RustForward, RustHop,
-    ZmqToRos,
+    self, OurPublisher, PackageHop, PythonForward, PythonHop, RawDds, RawZmq, RosToZmq,
+    RustForward, RustHop, ZmqToRos,
 };
 use crate::micro::Micro;
-use crate::payload::Kind::{self, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::payload::Kind::{self, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::proc;
 use crate::report::Limit::{self, AtLeast, AtMost, Shown};
 use crate::report::{Target, quantile};
@@ -84,9 +84,19 @@ impl Ways {
             let bridge = self.series(way, kind, false, p50);
             targets.extend(self.ratio(what, AtMost(limit), (&bridge, &hops), "us"));
         }
-        for (kind, limit) in [(U8Rgb200, 4.0), (VgaJpeg, 1.0)] {
-            let what = format!("one hop of a {}, p50, Python against us", kind.title());
-            let both = [PythonHop, RustHop].map(|way| self.series(way, kind, false, p50));
+        for (ours, kind, limit) in [
+            (RustHop, U8Rgb200, 4.0),
+            (RustHop, VgaJpeg, 1.0),
+            (PackageHop, Small, 1.0 / 0.7),
+            (PackageHop, U8Rgb200, 3.0),
+            (PackageHop, F32Mib, 5.0),
+            (PackageHop, VgaRgb, 5.0),
+            (PackageHop, FullHdRgb, 8.0),
+            (PackageHop, VgaJpeg, 1.2),
+        ] {
+            let us = if ours == PackageHop { "the same script on wrapyfi_rs" } else { "us" };
+            let what = format!("one hop of a {}, p50, Python against {us}", kind.title());
+            let both = [PythonHop, ours].map(|way| self.series(way, kind, false, p50));
             targets.extend(self.ratio(what, AtLeast(limit), (&both[0], &both[1]), "us"));
         }
         let costs: [(&str, &str, Figure); 2] = [
@@ -183,6 +193,7 @@ impl Ways {
                 RawZmq | OurPublisher | RawDds => "#8b949e",
                 ZmqToRos | RosToZmq => "#0969da",
                 RustHop | RustForward => "#1a7f37",
+                PackageHop => "#8250df",
                 PythonHop | PythonForward => "#bc4c00",
             };
             _ = writeln!(
