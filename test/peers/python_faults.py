@@ -5,6 +5,8 @@ from wrapyfi_rs import _native
 from wrapyfi_rs.connect.wrapper import MiddlewareCommunicator as Base
 
 register = Base.register
+#: Ports at which there is nobody.
+NO_BROKER = {"start_proxy_broker": False, "socket_pub_port": 9, "socket_sub_port": 10, "socket_rep_port": 11}
 
 
 def tell(name, action):
@@ -74,6 +76,10 @@ class Faults(Base):
     def silent(self):
         return 1,
 
+    @register("NativeObject", "zeromq", "Faults", "/faults/alone", should_wait="$0", timeout_ms=50, **NO_BROKER)
+    def alone(self, wait):
+        return "alone",
+
     @register("NativeObject", "zeromq", "Faults", "/faults/a", should_wait=False)
     def own(self):
         return "own"
@@ -133,6 +139,9 @@ def main():
     tell("list", lambda: in_mode("own", []))
     tell("unknown middleware", lambda: in_mode("pigeon", "listen"))
     tell("time-out", lambda: in_mode("silent", "listen"))
+    for mode in ("listen", "publish", "request"):
+        tell(f"no broker, {mode}", lambda: in_mode("alone", mode, True))
+    tell("no broker, none is waited for", lambda: in_mode("alone", "publish", False))
     tell("panic", _native.panic_on_purpose)
     closed = Faults()
     closed.activate_communication("own", "listen")

@@ -76,6 +76,35 @@ travels! {
     dask_arrays_travel: "dask", "dask";
 }
 
+/// The same tensors between methods of the package for Python, which makes them by the library itself.
+fn travels_in_python(test: &str, package: &'static str, case: &str) -> Result {
+    with_library(test, package, |env| {
+        let _broker = env.broker()?;
+        let mut script = env.our_peer("python_frameworks.py", case)?;
+        script.exits_with(0)?;
+        assert_eq!(script.stdout(), "all", "{}", script.stderr());
+        Ok(())
+    })
+}
+
+macro_rules! travels_in_python {
+    ($($test:ident: $package:literal, $case:literal;)*) => {
+        $(#[test]
+        fn $test() -> Result {
+            travels_in_python(stringify!($test), $package, $case)
+        })*
+    };
+}
+
+travels_in_python! {
+    python_carries_pytorch_tensors: "torch", "torch";
+    python_carries_jax_arrays: "jax", "jax";
+    python_carries_tensorflow_tensors: "tensorflow", "tensorflow";
+    python_carries_paddle_tensors: "paddle", "paddle";
+    python_carries_zarr_arrays: "zarr", "zarr";
+    python_carries_dask_arrays: "dask", "dask";
+}
+
 /// `devices` of a route: what the script has on its CPU is labelled for a GPU in the graph.
 #[test]
 fn a_route_says_where_tensors_go() -> Result {

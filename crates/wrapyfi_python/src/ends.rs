@@ -172,7 +172,8 @@ impl Ends {
             })?,
             Some(hears) => {
                 let hears = |value: &Value| {
-                    hears.call1((ToPython { codec: channel.codec.bind(py) }.object(value)?,))
+                    hears
+                        .call1((ToPython { codec: channel.codec.bind(py) }.object(value.clone())?,))
                 };
                 let gathered = feedback::call(py, &open, &request, hears)?;
                 detached(py, || self.taken(&open, gathered))?
@@ -195,7 +196,7 @@ impl Ends {
         };
         let call = request.take_call();
         let feedback = request.feedback();
-        let returned = self.run(py, body, (&call.args, &call.kwargs), feedback);
+        let returned = self.run(py, body, (call.args, call.kwargs), feedback);
         let messages = match returned {
             Ok(messages) => messages,
             Err(error) => {
@@ -271,7 +272,7 @@ impl Ends {
         &self,
         py: Python<'_>,
         body: &Bound<'_, PyAny>,
-        (args, kwargs): (&[Value], &wrapyfi_core::types::Map),
+        (args, kwargs): (Vec<Value>, wrapyfi_core::types::Map),
         feedback: wrapyfi_core::communicator::Feedback,
     ) -> PyResult<Vec<Message>> {
         let Some(first) = self.channels.first() else { return Ok(Vec::new()) };
@@ -317,7 +318,7 @@ impl Channel {
             other => other,
         };
         match self.converted(py, payload, MessageType::NativeObject)? {
-            Payload::NativeObject(object) => to.object(&object.value),
+            Payload::NativeObject(object) => to.object(object.value),
             other => Err(wrong_value(py, format!("a message of {}", other.data_type()))),
         }
     }

@@ -146,7 +146,7 @@ pub(crate) fn definitions<'py>(
                 RosMessage::from_fields(ros_type, &fields).map_err(|error| unknown(&error))
             })?;
         let value = message.to_value(message.cdr.len()).map_err(|error| wrong_value(py, error))?;
-        let fresh = match &value {
+        let fresh = match value {
             Value::Map(fresh) => ToPython { codec }.dict(fresh)?,
             _ => PyDict::new(py),
         };

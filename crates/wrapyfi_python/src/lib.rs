@@ -16,6 +16,7 @@ mod feedback;
 mod from_python;
 mod graph;
 mod interrupt;
+mod memory;
 mod numpy;
 mod to_python;
 

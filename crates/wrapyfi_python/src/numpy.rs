@@ -5,10 +5,11 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyByteArray, PyString, PyTuple};
+use pyo3::types::{PyString, PyTuple};
 use wrapyfi_core::types::{Dtype, NumpyArray, Tensor, Value};
 
 use crate::error::no_form;
+use crate::memory::Memory;
 
 macro_rules! members {
     ($($(#[$doc:meta])* $function:ident: $module:literal, $name:literal;)*) => {$(
@@ -64,40 +65,43 @@ pub(crate) fn array_value(array: &Bound<'_, PyAny>) -> PyResult<Value> {
     }
 }
 
-/// Array of NumPy's over a copy of the elements, which the script may change.
+/// Array of NumPy's over the elements, which the script may change.
 pub(crate) fn array<'py>(
     py: Python<'py>,
     dtype: &Bound<'py, PyAny>,
     shape: &[usize],
-    elements: &[u8],
+    elements: Bytes,
 ) -> PyResult<Bound<'py, PyAny>> {
     let shape = PyTuple::new(py, shape)?;
     if elements.is_empty() {
         let zeros = py.import(intern!(py, "numpy"))?.getattr(intern!(py, "zeros"))?;
         return zeros.call1((shape, dtype));
     }
-    let flat = frombuffer(py)?.call1((PyByteArray::new(py, elements), dtype))?;
+    let flat = frombuffer(py)?.call1((Memory::of(elements), dtype))?;
     flat.call_method1(intern!(py, "reshape"), (shape,))
 }
 
-/// Array of NumPy's for a tensor; `None` where NumPy has no such elements.
+/// Array of NumPy's for a tensor, whose elements are `code` to NumPy.
 pub(crate) fn from_tensor<'py>(
     py: Python<'py>,
-    tensor: &Tensor,
-) -> PyResult<Option<Bound<'py, PyAny>>> {
-    let Some(code) = tensor.dtype().npy_descr() else { return Ok(None) };
+    tensor: Tensor,
+    code: &str,
+) -> PyResult<Bound<'py, PyAny>> {
     let dtype = PyString::intern(py, code).into_any();
-    array(py, &dtype, tensor.shape(), tensor.data()).map(Some)
+    let (shape, elements) = (tensor.shape().to_vec(), tensor.data().clone());
+    // The elements belong to the array alone then.
+    drop(tensor);
+    array(py, &dtype, &shape, elements)
 }
 
 /// Array of NumPy's whose elements are no plain numbers.
 pub(crate) fn from_described<'py>(
     py: Python<'py>,
-    found: &NumpyArray,
+    found: NumpyArray,
 ) -> PyResult<Bound<'py, PyAny>> {
     let descr = literal_eval(py)?.call1((&found.descr,))?;
     let dtype = descr_to_dtype(py)?.call1((descr,))?;
-    array(py, &dtype, &found.shape, &found.data)
+    array(py, &dtype, &found.shape, found.data)
 }
 
 /// True when `object` is an array of NumPy's own class or a scalar of NumPy's: its subclasses know more than their elements.

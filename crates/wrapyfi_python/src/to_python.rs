@@ -9,12 +9,13 @@
 use pyo3::IntoPyObjectExt;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyByteArray, PyBytes, PyDict, PyList, PySet, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyList, PySet, PyTuple};
 use wrapyfi_core::codec;
 use wrapyfi_core::plugin::standard;
 use wrapyfi_core::types::{Map, Value};
 
 use crate::error::wrong_value;
+use crate::memory::Memory;
 use crate::numpy;
 
 /// Writer of objects, with the codec that makes those of other libraries.
@@ -24,7 +25,7 @@ pub(crate) struct ToPython<'a, 'py> {
 
 impl<'py> ToPython<'_, 'py> {
     /// Object for a value.
-    pub(crate) fn object(&self, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+    pub(crate) fn object(&self, value: Value) -> PyResult<Bound<'py, PyAny>> {
         let py = self.codec.py();
         match value {
             Value::Null => Ok(py.None().into_bound(py)),
@@ -37,7 +38,7 @@ impl<'py> ToPython<'_, 'py> {
                 let bytes: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
                 PyBytes::new(py, &bytes).call_method1("decode", ("utf-16-le", "surrogatepass"))
             }
-            Value::Bytes(bytes) => Ok(PyBytes::new(py, bytes).into_any()),
+            Value::Bytes(bytes) => Ok(PyBytes::new(py, &bytes).into_any()),
             Value::List(items) => Ok(PyList::new(py, self.items(items)?)?.into_any()),
             Value::Tuple(items) => Ok(PyTuple::new(py, self.items(items)?)?.into_any()),
             Value::Set(items) => Ok(PySet::new(py, self.items(items)?)?.into_any()),
@@ -49,9 +50,9 @@ impl<'py> ToPython<'_, 'py> {
             Value::DateTime64(text) => numpy::datetime64(py)?.call1((text,)),
             Value::Array(array) => numpy::from_described(py, array),
             Value::Tensor(tensor) if tensor.origin().is_none() => {
-                match numpy::from_tensor(py, tensor)? {
-                    Some(array) => Ok(array),
-                    None => self.foreign(value),
+                match tensor.dtype().npy_descr() {
+                    Some(code) => numpy::from_tensor(py, tensor, code),
+                    None => self.foreign(tensor.into()),
                 }
             }
             Value::Tagged(tagged) => {
@@ -64,27 +65,31 @@ impl<'py> ToPython<'_, 'py> {
     }
 
     /// Keyword arguments of a call.
-    pub(crate) fn dict(&self, map: &Map) -> PyResult<Bound<'py, PyDict>> {
+    pub(crate) fn dict(&self, map: Map) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(self.codec.py());
-        for (key, value) in map.iter() {
+        for (key, value) in map {
             dict.set_item(self.object(key)?, self.object(value)?)?;
         }
         Ok(dict)
     }
 
     /// Objects for values.
-    pub(crate) fn items(&self, items: &[Value]) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        items.iter().map(|item| self.object(item)).collect()
+    pub(crate) fn items(&self, items: Vec<Value>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        items.into_iter().map(|item| self.object(item)).collect()
     }
 
     /// Object of a library.
-    fn foreign(&self, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+    fn foreign(&self, value: Value) -> PyResult<Bound<'py, PyAny>> {
         let py = self.codec.py();
-        let (json, tensors) = codec::json::encode_with_tensors(value, &standard())
+        let (json, tensors) = codec::json::encode_with_tensors(&value, &standard())
             .map_err(|error| wrong_value(py, error))?;
-        let tensors = tensors.iter().map(|tensor| {
-            let data = PyByteArray::new(py, tensor.data());
-            (tensor.dtype().name(), tensor.shape().to_vec(), tensor.device().to_owned(), data)
+        // The elements belong to the arrays alone then.
+        drop(value);
+        let tensors = tensors.into_iter().map(|tensor| {
+            let (shape, device) = (tensor.shape().to_vec(), tensor.device().to_owned());
+            let (name, elements) = (tensor.dtype().name(), tensor.data().clone());
+            drop(tensor);
+            (name, shape, device, Memory::of(elements))
         });
         let tensors: Vec<_> = tensors.collect();
         self.codec.call_method1(intern!(py, "decode"), (PyBytes::new(py, &json), tensors))

@@ -1,6 +1,5 @@
 """Wrapyfi's decorator: a method that publishes, listens, asks or answers, as its mode says."""
 
-import asyncio
 import atexit
 import functools
 import inspect
@@ -167,6 +166,8 @@ class MiddlewareCommunicator:
 
             @functools.wraps(function)
             async def awaited(*args, **kwargs):
+                import asyncio  # here, because it takes longer than all the rest
+
                 state = _state_of(args[0], method) if args else None
                 if state is None or state.mode is None:
                     return await function(*args, **kwargs)
@@ -274,6 +275,8 @@ class _Call:
         """What the method returns for these arguments; of a coroutine, what it returns in the loop of the call."""
         returned = self.method.function(*args, **kwargs)
         if self.loop is not None:
+            import asyncio
+
             return asyncio.run_coroutine_threadsafe(returned, self.loop).result()
         return returned
 
