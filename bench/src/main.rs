@@ -41,7 +41,7 @@ struct Cli {
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
     #[arg(long)]
     quick: bool,
-    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `package`, `stream`, `routes`: only that.
+    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `scripts`, `stream`, `routes`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Another `wrapyfi`, of another version: its broker and bridge have a turn after each of this one's.
@@ -139,8 +139,8 @@ fn run(cli: &Cli) -> Result<()> {
         // Half of the rows compare with it.
         started.context("Python Wrapyfi, which `make setup-test` installs")
     };
-    let mut python = start(Library::Wrapyfi, wants("micro") || wants("package"))?;
-    let mut ours = start(Library::Package, wants("package"))?;
+    let mut python = start(Library::Wrapyfi, wants("micro") || wants("scripts"))?;
+    let mut ours = start(Library::Package, wants("scripts"))?;
 
     // Bridged ways are compared with base64 of the same run.
     let filter = only.map(|only| match only.strip_prefix("micro") {
@@ -187,11 +187,11 @@ fn run(cli: &Cli) -> Result<()> {
             begin.elapsed().as_secs_f64()
         ));
     }
-    if wants("package")
+    if wants("scripts")
         && let Some((python, ours)) = python.as_mut().zip(ours.as_mut())
     {
         targets.extend(
-            notes.some("package", package::run(python, ours, cli.rounds)).unwrap_or_default(),
+            notes.some("scripts", package::run(python, ours, cli.rounds)).unwrap_or_default(),
         );
     }
     drop((python, ours));
