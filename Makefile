@@ -184,7 +184,7 @@ package-wheel: setup-wheel | target/COLCON_IGNORE
 test-packages: package-deb package-wheel
 	@packaging/test.sh deb target/package/wrapyfi_*.deb
 	@packaging/test.sh container target/package/wrapyfi_*.deb
-	@packaging/test.sh wheel target/package/wrapyfi_ros2-*_$$(uname -m).whl
+	@packaging/test.sh wheel target/package/wrapyfi_{ros2,rs}-*_$$(uname -m).whl
 
 # What crates.io would be given, compiled crate by crate, and installed as from there.
 test-publish: package-crates

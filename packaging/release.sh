@@ -28,7 +28,7 @@ print(next(p for p in json.load(sys.stdin)["packages"] if p["name"] == "wrapyfi_
     # shellcheck source=packaging/environment.sh
     . packaging/environment.sh
     # Of an earlier commit.
-    rm -f target/package/wrapyfi_ros2-*.whl
+    rm -f target/package/wrapyfi_{ros2,rs}-*.whl
     packaging/deb/build.sh
     # shellcheck disable=SC2086
     packaging/wheel/build.sh ${PROCESSORS:-}
@@ -36,7 +36,7 @@ print(next(p for p in json.load(sys.stdin)["packages"] if p["name"] == "wrapyfi_
 
     rm -rf "$release"
     mkdir -p "$release"
-    cp target/package/wrapyfi_*.deb target/package/wrapyfi_ros2-*.whl "$release"
+    cp target/package/wrapyfi_*.deb target/package/wrapyfi_{ros2,rs}-*.whl "$release"
     git archive --format tar --prefix "wrapyfi-$version/" HEAD | gzip -9n >"$release/wrapyfi-$version.tar.gz"
     tar --create --sort name --mtime "@$SOURCE_DATE_EPOCH" --owner 0 --group 0 --numeric-owner --mode go=rX,u=rwX \
         --directory target/package/crates --transform "s:^:wrapyfi-$version-crates/:" \

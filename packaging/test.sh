@@ -3,11 +3,12 @@
 # looks for what it left. Needs root, debootstrap and a network; says SKIPPED and why where one is missing.
 #
 #   packaging/test.sh deb FILE         a Debian package
-#   packaging/test.sh wheel FILE       a wheel, by pip into a virtual environment
+#   packaging/test.sh wheel FILE FILE  wheels of the program and of the library for Python, by pip into a virtual environment
 #   packaging/test.sh container FILE   a Debian package by the last stage of the Dockerfile, step by step
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
-kind=${1:-} file=$(realpath "${2:?usage: packaging/test.sh deb|wheel|container FILE}")
+usage="usage: packaging/test.sh deb|wheel|container FILE..."
+kind=${1:-} file=$(realpath "${2:?$usage}") library=$(realpath "${3:-/}")
 
 fail() {
     printf 'package %s: %s\n' "$kind" "$1" >&2
@@ -145,22 +146,37 @@ deb() {
 
 wheel() {
     apt update
-    apt install --no-install-recommends python3-venv
+    apt install --no-install-recommends python3-venv python3-numpy python3-yaml
     files >"$root/tmp/before"
-    cp "$file" "$root/tmp/"
-    inside python3 -m venv /opt/wrapyfi
-    inside /opt/wrapyfi/bin/pip install --quiet --no-index "/tmp/$(basename "$file")" || fail "pip install"
+    cp "$file" "$library" "$here/packaging/wheel/camera.py" "$root/tmp/"
+    inside python3 -m venv --system-site-packages /opt/wrapyfi
+    inside /opt/wrapyfi/bin/pip install --quiet --no-index "/tmp/$(basename "$file")" "/tmp/$(basename "$library")" || fail "pip install"
     use /opt/wrapyfi/bin/wrapyfi
+    camera
     local platform
     for platform in manylinux_2_17_x86_64 musllinux_1_2_x86_64 manylinux_2_36_armv7l; do
         ! inside /opt/wrapyfi/bin/pip download --quiet --no-index --no-deps --only-binary=:all: --platform "$platform" --dest /tmp/none \
             "/tmp/$(basename "$file")" 2>"$root/tmp/pip.log" || fail "pip installs it on $platform"
         grep -q 'is not a supported wheel on this platform' "$root/tmp/pip.log" || fail "pip does not say why it refuses $platform"
     done
-    inside /opt/wrapyfi/bin/pip uninstall --quiet --yes wrapyfi-ros2
+    inside /opt/wrapyfi/bin/pip uninstall --quiet --yes wrapyfi-ros2 wrapyfi-rs
     ! find "$root/opt/wrapyfi" -iname '*wrapyfi[-_.]*' -o -name wrapyfi -type f | grep . || fail "removal left something, above"
     rm -r "$root/opt/wrapyfi"
     files | diff "$root/tmp/before" - >"$root/tmp/left" || { cat "$root/tmp/left" >&2; fail "removal left something, above"; }
+}
+# A script of Wrapyfi's, on the library in its place: it is heard by another one and by the program, on ZeroMQ and on ROS 2.
+camera() {
+    find "$root/opt/wrapyfi" -path '*/wrapyfi_rs/_messages/reading.py' -type f | grep -q . || fail "the library lacks its package of messages"
+    local middleware
+    for middleware in zeromq ros2; do
+        # shellcheck disable=SC2016
+        alone sh -ec '
+            PATH=/opt/wrapyfi/bin:$PATH
+            python -m wrapyfi_rs /tmp/camera.py publish "$0" &
+            timeout 60 python -m wrapyfi_rs /tmp/camera.py listen "$0"
+            wrapyfi echo "$0:/camera" --type Image --count 1 --timeout 30' "$middleware" >"$root/tmp/camera.log" 2>&1 ||
+            { tail -n 30 "$root/tmp/camera.log" >&2; fail "a camera on $middleware"; }
+    done
 }
 
 container() {
@@ -179,6 +195,6 @@ container() {
 
 case $kind in
 deb | wheel | container) "$kind" ;;
-*) fail "usage: packaging/test.sh deb|wheel|container FILE" ;;
+*) fail "$usage" ;;
 esac
-echo "package $kind: installed, used and removed: $(basename "$file"), $(du -m "$file" | cut -f1) MB"
+for each in "${@:2}"; do echo "package $kind: installed, used and removed: $(basename "$each"), $(du -m "$each" | cut -f1) MB"; done

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Licences of the crates in the program `wrapyfi`, against THIRD_PARTY.md.
+"""Licences of the crates in the program `wrapyfi` and in the library for Python, against THIRD_PARTY.md.
 
     scripts/licences.py                 says what is missing or wrong; a part of `make lint`
     scripts/licences.py --write         writes the table
@@ -21,9 +21,9 @@ PAGE = ROOT / "THIRD_PARTY.md"
 BEGIN, END = "<!-- by scripts/licences.py --write -->\n", "<!-- to here -->\n"
 # A crate that needs one of these to be built may have C in it, or link it.
 OF_C = {"bindgen", "cc", "cmake", "pkg_config", "system_deps", "zeromq_src"}
-# Loaded when the program starts; in the wheel they are inside, and libsodium with them.
+# Loaded when the program starts; in the wheels they are inside, and libsodium with them.
 LINKED = {"libjpeg-turbo": "IJG AND BSD-3-Clause AND Zlib", "libzmq": "LGPL-3.0-or-later OR MPL-2.0"}
-IN_WHEEL = {"libsodium": "ISC"}
+IN_WHEELS = {"libsodium": "ISC"}
 TEXTS = ("licen", "copying", "copyright", "notice", "unlicense")
 
 
@@ -34,8 +34,8 @@ def cargo(*arguments):
 
 
 def crates():
-    """Packages of `cargo metadata` that are compiled into the program, those of others."""
-    tree = cargo("tree", "--package", "wrapyfi_bridge", "--edges", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe",
+    """Packages of `cargo metadata` that are compiled into the program or into the library, those of others."""
+    tree = cargo("tree", "--package", "wrapyfi_bridge", "--package", "wrapyfi_python", "--edges", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe",
                  "--format", "{p}", *(f"--target={processor}-unknown-linux-gnu" for processor in ("aarch64", "x86_64")))
     inside = {tuple(line.split()[:2]) for line in tree.splitlines()}
     metadata = json.loads(cargo("metadata", "--format-version", "1"))
@@ -110,7 +110,7 @@ def spdx(packages):
             part("cyclonedds", re.search(r"project\(CycloneDDS VERSION (\S+)", text)[1], "BSD-3-Clause", None, "CONTAINS")
     for name, its in LINKED.items():
         part(name, None, its, None, "DYNAMIC_LINK")
-    for name, its in IN_WHEEL.items():
+    for name, its in IN_WHEELS.items():
         part(name, None, its, None, "STATIC_LINK")
     contents = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     return json.dumps({

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Writes target/package/wrapyfi_ros2-VERSION-….whl for Linux with glibc 2.28 or newer, and prints its name. What the program needs
-# of C is inside, with all licences.
+# Writes the two wheels, target/package/wrapyfi_ros2-VERSION-….whl (the program) and wrapyfi_rs-VERSION-….whl (the library for
+# Python), for Linux with glibc 2.28 or newer, and prints their names. What they need of C is inside, with all licences.
 #
 #   packaging/wheel/build.sh [PROCESSOR...]     x86_64, aarch64; without one, that of this machine. PROFILE=demo
 #   compiles in half the time.
@@ -19,10 +19,10 @@ fi
 # Outside: in the repository Cargo reads that the system's libzmq is linked.
 staged=$(mktemp -d)
 trap 'rm -rf "$staged"' EXIT
-mkdir -p "$staged"/{.cargo,wrapyfi_ros2/licenses}
-scripts/licences.py --texts "$staged/wrapyfi_ros2/licenses/licenses-of-crates.txt"
-cp -r packaging/wheel/{pyproject.toml,README.md} LICENSE-* THIRD_PARTY.md "$staged/wrapyfi_ros2"
-sed -i -E "s|^manifest-path = \"(\.\./)+|manifest-path = \"$root/|" "$staged/wrapyfi_ros2/pyproject.toml"
+mkdir -p "$staged"/{.cargo,licenses}
+scripts/licences.py --texts "$staged/licenses/licenses-of-crates.txt"
+cp -r packaging/wheel "$staged/wrapyfi_ros2"
+cp -rL wrapyfi_rs "$staged/wrapyfi_rs" # the package of messages is a link to wrapyfi_py
 
 export PYO3_NO_PYTHON=1 TURBOJPEG_SOURCE=explicit PATH=$tools/bin:$PATH
 CARGO_TARGET_DIR=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -37,9 +37,15 @@ for processor in "${@:-$(uname -m)}"; do
 rustc-link-search = ["native=$libraries/lib"]
 rustc-link-lib = ["static=zmq", "static=sodium", "c++"]
 END_OF_CONFIG
-    cp "$libraries"/licenses/* "$staged/wrapyfi_ros2/licenses"
-    rm -f target/package/wrapyfi_ros2-*_"$processor".whl
-    (cd "$staged/wrapyfi_ros2" && maturin build --quiet --profile "${PROFILE:-dist}" --zig --target "$processor-unknown-linux-gnu" \
-        --compatibility manylinux_2_28 --out "$root/target/package")
-    ls target/package/wrapyfi_ros2-*_"$processor".whl
+    for package in wrapyfi_ros2 wrapyfi_rs; do
+        cp -r LICENSE-* THIRD_PARTY.md "$staged/licenses" "$staged/$package"
+        cp "$libraries"/licenses/* "$staged/$package/licenses"
+        sed -i -E "s|^manifest-path = \"(\.\./)+|manifest-path = \"$root/|" "$staged/$package/pyproject.toml"
+        grep -q ^license-files "$staged/$package/pyproject.toml" ||
+            sed -i 's|^license = .*|&\nlicense-files = ["LICENSE-*", "THIRD_PARTY.md", "licenses/*"]|' "$staged/$package/pyproject.toml"
+        rm -f target/package/$package-*_"$processor".whl
+        (cd "$staged/$package" && maturin build --quiet --profile "${PROFILE:-dist}" --zig --target "$processor-unknown-linux-gnu" \
+            --compatibility manylinux_2_28 --out "$root/target/package")
+        ls target/package/$package-*_"$processor".whl
+    done
 done
