@@ -216,6 +216,9 @@ fn the_demo_delivers_on_every_route() -> Result {
         assert!(told.contains("YARP name server on 127.0.0.1:"), "{told}");
         assert!(!told.contains("YARP name server on 127.0.0.1:1,"), "{told}");
         assert_eq!(std::fs::read_to_string(env.path("yarp.conf"))?, conf);
+        // What libraries say of their insides is no line for the reader of a demo.
+        let logged = demo.stderr();
+        assert_eq!(logged.lines().find(|line| line.len() > 400), None);
         Ok(())
     })
 }

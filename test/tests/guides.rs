@@ -443,6 +443,8 @@ fn rust() -> Result {
         )?;
         guide.pass_over("open_listener", "it is a part of an example in wrapyfi_core")?;
         guide.pass_over("impl Base", "`examples/guides` compiles it")?;
+        guide.pass_over("build::generate", "the build script of `examples/typed` does the same")?;
+        guide.pass_over("RosService::of", "`examples/guides` runs it")?;
         let [publish, listen] = guide.lines("cargo run -- publish")?;
         let started = |line: &Line| {
             let (_, args) = line.command.split_once("cargo run -- ")?;

@@ -342,10 +342,11 @@ impl<S: Subscriber> Layer<S> for Output {
 ///
 /// RustDDS tells in hundreds of lines what it does, at levels where a node says what matters to its
 /// user: of it only warnings are shown, unless `RUST_LOG` names it. Its sender of datagrams warns of
-/// each that is over 1500 bytes, as several are for every node that comes: of it only errors are.
+/// each that is over 1500 bytes, as several are for every node that comes, its writers, in a kilobyte each, of readers on
+/// this machine until the way to them is known: of both only errors are.
 fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
     const TALKATIVE: &str = "rustdds";
-    const SENDER: &str = "rustdds::network::udp_sender";
+    const WARY: [&str; 2] = ["rustdds::network::udp_sender", "rustdds::rtps::writer"];
     // A module alone would turn all others off, with their warnings.
     let has_level = words_of(rust_log).any(|word| word.parse::<LevelFilter>().is_ok());
     let filter = EnvFilter::builder().parse_lossy(if has_level {
@@ -357,8 +358,9 @@ fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
         return filter;
     }
     let quiet = |name: &str, most: LevelFilter| format!("{name}={}", level.min(most)).parse().ok();
-    let directives = [quiet(TALKATIVE, LevelFilter::WARN), quiet(SENDER, LevelFilter::ERROR)];
-    directives.into_iter().flatten().fold(filter, EnvFilter::add_directive)
+    let wary = WARY.iter().filter_map(|name| quiet(name, LevelFilter::ERROR));
+    let directives = quiet(TALKATIVE, LevelFilter::WARN).into_iter().chain(wary);
+    directives.fold(filter, EnvFilter::add_directive)
 }
 
 fn words_of(rust_log: &str) -> impl Iterator<Item = &str> {
@@ -481,17 +483,18 @@ mod tests {
     fn rustdds_is_quiet_unless_it_is_asked_for() {
         let words = |level, rust_log: &str| {
             let filter = filter(level, rust_log).to_string();
-            let mut words: Vec<_> = filter.split(',').map(ToOwned::to_owned).collect();
-            words.sort();
-            words
+            let mut words: Vec<_> = filter.split(',').collect();
+            words.sort_unstable();
+            words.join(",")
         };
-        let sender = |level: &str| format!("rustdds::network::udp_sender={level}");
-        assert_eq!(words(LevelFilter::INFO, ""), ["info", &sender("error"), "rustdds=warn"]);
-        assert_eq!(words(LevelFilter::TRACE, ""), [&sender("error"), "rustdds=warn", "trace"]);
-        assert_eq!(words(LevelFilter::ERROR, ""), ["error", &sender("error"), "rustdds=error"]);
-        assert_eq!(words(LevelFilter::OFF, ""), ["off", &sender("off"), "rustdds=off"]);
-        assert_eq!(words(LevelFilter::INFO, "debug"), ["debug", &sender("error"), "rustdds=warn"]);
-        assert_eq!(words(LevelFilter::INFO, "rustdds=info,warn"), ["rustdds=info", "warn"]);
+        let wary = "rustdds::network::udp_sender=error,rustdds::rtps::writer=error";
+        assert_eq!(words(LevelFilter::INFO, ""), format!("info,{wary},rustdds=warn"));
+        assert_eq!(words(LevelFilter::TRACE, ""), format!("{wary},rustdds=warn,trace"));
+        assert_eq!(words(LevelFilter::ERROR, ""), format!("error,{wary},rustdds=error"));
+        let off = wary.replace("error", "off");
+        assert_eq!(words(LevelFilter::OFF, ""), format!("off,{off},rustdds=off"));
+        assert_eq!(words(LevelFilter::INFO, "debug"), format!("debug,{wary},rustdds=warn"));
+        assert_eq!(words(LevelFilter::INFO, "rustdds=info,warn"), "rustdds=info,warn");
     }
 
     #[test]
