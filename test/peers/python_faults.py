@@ -1,4 +1,6 @@
 """What a script can do wrong with wrapyfi_rs, and the exception for each: a line each. Everything is in one process."""
+import logging
+
 import numpy as np
 
 from wrapyfi_rs import _native
@@ -13,7 +15,8 @@ def tell(name, action):
     try:
         print(f"{name}: {action()}")
     except Exception as error:
-        print(f"{name}: {type(error).__name__}")
+        notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
+        print(f"{name}: {type(error).__name__}{notes}")
 
 
 class Pair(Base):
@@ -70,6 +73,10 @@ class Faults(Base):
 
     @register("NativeObject", "carrier_pigeon", "Faults", "/faults/a", should_wait=False)
     def pigeon(self):
+        return 1,
+
+    @register("NativeObject", "yarp", "Faults", "/faults/a", should_wait=False)
+    def absent(self):
         return 1,
 
     @register("NativeObject", "zeromq", "Faults", "/faults/silent", should_wait=True, timeout_ms=50)
@@ -138,6 +145,10 @@ def main():
     tell("place", lambda: in_mode("place", "publish", 1))
     tell("list", lambda: in_mode("own", []))
     tell("unknown middleware", lambda: in_mode("pigeon", "listen"))
+    warned = []
+    kept = type("Kept", (logging.Handler,), {"emit": lambda _, record: warned.append(record.levelname)})
+    logging.getLogger("wrapyfi_rs").addHandler(kept())
+    tell("middleware without a name server", lambda: (in_mode("absent", "listen"), warned))
     tell("time-out", lambda: in_mode("silent", "listen"))
     for mode in ("listen", "publish", "request"):
         tell(f"no broker, {mode}", lambda: in_mode("alone", mode, True))

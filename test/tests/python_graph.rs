@@ -18,7 +18,7 @@ fn said(mut script: Process, lines: &[&str]) -> Result {
 /// Looks at a topic of ROS 2.
 const LOOKS: &str = r#"
 import wrapyfi_rs
-from wrapyfi_rs.errors import OptionError, WaitTimeout
+from wrapyfi_rs.errors import WrapyfiError
 from wrapyfi_rs.ros import message
 
 Twist = message("geometry_msgs/msg/Twist")
@@ -31,10 +31,14 @@ print(found[0]["middleware"], found[0]["role"], found[0]["type"])
 print(wrapyfi_rs.why("ros2:/twist").passed != [], wrapyfi_rs.why("ros2:/nobody").cause is None)
 for wrong in (lambda: next(wrapyfi_rs.echo("/twist")), lambda: wrapyfi_rs.list("telegraph"),
               lambda: message("no_msgs/msg/Nothing"),
-              lambda: next(wrapyfi_rs.echo("ros2:/nobody", Twist, timeout=0.2))):
+              lambda: next(wrapyfi_rs.echo("ros2:/nobody", Twist, timeout=0.2)),
+              lambda: wrapyfi_rs.call("ros2:/nobody", timeout=0.2),
+              lambda: next(wrapyfi_rs.echo("telegraph:/x", "NativeObject")), lambda: wrapyfi_rs.call("telegraph:/x"),
+              # No name server of YARP is named here.
+              lambda: next(wrapyfi_rs.echo("yarp:/x", "NativeObject")), lambda: wrapyfi_rs.call("yarp:/x")):
     try:
         wrong()
-    except (OptionError, WaitTimeout) as error:
+    except WrapyfiError as error:
         print(type(error).__name__)
 "#;
 
@@ -54,6 +58,11 @@ fn commands_are_functions() -> Result {
             "OptionError",
             "OptionError",
             "WaitTimeout",
+            "CallError",
+            "OptionError",
+            "OptionError",
+            "OpenError",
+            "OpenError",
         ];
         said(env.our_script(LOOKS, "")?, &lines)
     })

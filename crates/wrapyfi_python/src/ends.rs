@@ -123,6 +123,12 @@ impl Ends {
         self.objects(py, messages)
     }
 
+    /// Reason for each value that its middleware is not here, `None` where it is.
+    fn absent(&self, py: Python<'_>) -> PyResult<Vec<Option<String>>> {
+        let open = self.there(py)?;
+        Ok((0..self.channels.len()).map(|index| open.absent(index).map(str::to_owned)).collect())
+    }
+
     /// True where the mode listens.
     fn listens(&self) -> bool {
         self.mode.listens()
@@ -141,7 +147,10 @@ impl Ends {
             if open.skips(index) {
                 continue;
             }
-            let message = channel.message(&value)?;
+            let message = channel.message(&value).inspect_err(|error| {
+                let note = format!("value {} that {} returned", index + 1, self.method);
+                _ = error.value(py).call_method1("add_note", (note,));
+            })?;
             detached(py, || at_once(open.send::<AnyKind, _>(false, index, &message)))?;
         }
         Ok(())

@@ -36,7 +36,8 @@ impl Walk<'_> {
     pub(super) fn server_of_action(&mut self, end: &WayEnd) -> StepResult {
         self.only_status(end)?;
         let address = &end.address;
-        let servers: Vec<_> = end.of(Role::ActionServer).map(owner).collect();
+        let mut servers: Vec<_> = end.of(Role::ActionServer).map(owner).collect();
+        servers.sort_by_key(|server| end.was_killed(server));
         let Some(server) = servers.first() else { return Ok(()) };
         let ActionTime { simulated_by, has_clock, ahead_s } = &end.action_time;
         let is_ros2 = address.middleware == GRAPH;
@@ -83,10 +84,11 @@ impl Walk<'_> {
         if address.middleware == GRAPH || !is_ros(address) {
             return Ok(());
         }
-        let nodes: BTreeSet<_> = statuses(end).map(owner).collect();
+        let alive = || statuses(end).filter(|one| !end.was_killed(&owner(one)));
+        let nodes: BTreeSet<_> = alive().map(owner).collect();
         let is_offered = self.way.destination.as_ref().is_some_and(|it| it.address == *address);
         let is_rival = |one: &Discovered| !may_be_bridge(one, &address.middleware, &self.way.node);
-        let has_rival = statuses(end).any(is_rival);
+        let has_rival = alive().any(is_rival);
         if !(nodes.len() > 1 || (is_offered && has_rival)) {
             return Ok(());
         }
@@ -113,8 +115,9 @@ impl Walk<'_> {
 mod tests {
     use wrapyfi_endpoint::Interaction;
 
-    use super::super::Way;
     use super::super::judge::judge;
+    use super::super::server_check::ConnectOutcome;
+    use super::super::{Registered, Way};
     use super::*;
 
     fn one(node: &str, name: &str, role: Role, type_name: &str) -> Discovered {
@@ -184,6 +187,20 @@ mod tests {
             what.starts_with("/arm and /bag publish the status of the action ros:/do"),
             "{what}"
         );
+        // Of one that was killed the name remains, which its successor is not blamed for.
+        let mut one_more =
+            way("ros", [server("ros", "/arm_1", 0), server("ros", "/arm_2", 0)].concat());
+        assert_eq!(found(&one_more).map(|it| it.0), Some(CauseCode::NameTaken));
+        let killed = Registered {
+            role: Role::Publisher,
+            who: "/arm_1".to_owned(),
+            host: "127.0.0.1".to_owned(),
+            port: 4711,
+            is_told_afar: false,
+            answer: ConnectOutcome::Refused,
+        };
+        one_more.source.as_mut().unwrap().registered.push(killed);
+        assert_eq!(found(&one_more).map(|it| it.0), None);
         // The bridge that offers it is one, and another node is one too many.
         for (node, is_told) in [("/wrapyfi_4711", false), ("/arm", true)] {
             let mut way = way(GRAPH, server(GRAPH, "/far", 0));

@@ -218,6 +218,13 @@ impl WayEnd {
             && self.servers.iter().all(|check| check.answer == server_check::ConnectOutcome::Open)
     }
 
+    /// True where nothing listens any more at any address of a node: it was killed, and its name remains.
+    fn was_killed(&self, node: &str) -> bool {
+        let mut addresses = self.registered.iter().filter(|one| one.who == node).peekable();
+        let is_refused = |one: &Registered| one.answer == server_check::ConnectOutcome::Refused;
+        addresses.peek().is_some() && addresses.all(is_refused)
+    }
+
     /// Endpoints of this name in a role.
     fn of(&self, role: Role) -> impl Iterator<Item = &Discovered> {
         let named = move |one: &&Discovered| one.name == self.address.name && one.role == role;

@@ -100,7 +100,7 @@ impl Opening<'_> {
                 self.method,
                 value.topic
             );
-            Ok(Channel { absent: Some(name.clone()), ..Channel::default() })
+            Ok(Channel { absent: Some((name.clone(), why)), ..Channel::default() })
         };
         let source = match self.context.find(name) {
             Found::Source(source) => source,

@@ -41,8 +41,8 @@ pub(super) struct Channel {
     pub(super) listener: Option<ListenerEnd>,
     pub(super) client: Option<ClientEnd>,
     pub(super) server: Option<Arc<ServerEnd>>,
-    /// Name of the middleware that is not here, where the value has no endpoints for that reason.
-    pub(super) absent: Option<String>,
+    /// Middleware that is not here, where the value has no endpoints for that reason, and why it is not.
+    pub(super) absent: Option<(String, String)>,
 }
 
 impl std::fmt::Debug for Channel {
@@ -103,7 +103,7 @@ impl Channel {
         let links = links.chain(client.iter().map(ClientEnd::link));
         let links = links.chain(server.iter().map(|end| end.link()));
         let ends = self.ends().zip(links).map(|(end, link)| end.status(link)).collect();
-        ValueStatus { ends, absent: absent.clone() }
+        ValueStatus { ends, absent: absent.as_ref().map(|(name, _)| name.clone()) }
     }
 }
 
@@ -195,6 +195,11 @@ impl Session {
             Some(result) => self.published(publisher, result),
             None => Ok(()),
         }
+    }
+
+    /// Reason that the middleware of the value at `index` is not here, where the value has no endpoints for that reason.
+    pub fn absent(&self, index: usize) -> Option<&str> {
+        self.channels.get(index)?.absent.as_ref().map(|(_, why)| &**why)
     }
 
     /// True where no program hears the value at `index`, which then counts as not sent.

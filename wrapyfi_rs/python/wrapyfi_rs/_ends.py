@@ -6,7 +6,7 @@ import logging
 from . import _native
 from ._objects import Codec
 from ._ros_objects import ros_type
-from .errors import OptionError
+from .errors import OpenError, OptionError
 
 _LOG = logging.getLogger("wrapyfi_rs")
 
@@ -69,12 +69,21 @@ def open_ends(method, mode, args, kwargs, returned=()):
     if mode == "transceive" and all(_is_echo(topic, options) for _, _, topic, options, _ in values):
         # Wrapyfi's listener hears its own publisher, which has a listener with it.
         mode, values = "publish", [(*one[:3], {**one[3], "should_wait": False}, one[4]) for one in values]
-    return _native.open(method.function.__qualname__, mode, values)
+    ends = _native.open(method.function.__qualname__, mode, values)
+    for (data_type, middleware, topic, _, _), why in zip(values, ends.absent()):
+        if why is not None:
+            _LOG.warning("%s on %s:%s is None and goes nowhere: %s", data_type, middleware, topic, why)
+    return ends
 
 
 def opened(name, mode, value, has_feedback=True):
-    """The ends of one value that no method has."""
-    return _native.open(name, mode, [_resolved(value, lambda written: written, mode, has_feedback)])
+    """The ends of one value that no method has. Raises ``OpenError`` where its middleware is not here."""
+    ends = _native.open(name, mode, [_resolved(value, lambda written: written, mode, has_feedback)])
+    (why,) = ends.absent()
+    if why is not None:
+        ends.close()
+        raise OpenError(f"{name}: {why}")
+    return ends
 
 
 def _is_echo(topic, options):

@@ -16,7 +16,7 @@ from typing import Any
 
 from . import _native, connect  # noqa: F401  which looks for plug-ins
 from ._ends import Value, opened
-from .errors import OptionError
+from .errors import CallError, OptionError, WaitTimeout
 
 
 def echo(
@@ -29,7 +29,7 @@ def echo(
     without it the type that the topic's ends tell. An image is an array of shape (height, width) or (height, width,
     channels); sound is a pair of an array of shape (samples, channels) and its rate in Hz; a message of ROS is a dict,
     or an instance of the class. Ends after ``count`` messages; raises ``WaitTimeout`` where the next one does not come
-    within ``timeout``. ``options`` are those of ``register``.
+    within ``timeout``, and ``OpenError`` where the middleware is not here. ``options`` are those of ``register``.
     """
     if data_type is None:
         data_type, options = _told(_native.topic_type(endpoint, timeout), options)
@@ -56,7 +56,10 @@ def call(
     """
     options = _time(timeout)
     if data_type is None and _split(endpoint)[0] in ("ros", "ros2"):
-        data_type, options = _told(_native.service_type(endpoint, timeout), options)
+        try:
+            data_type, options = _told(_native.service_type(endpoint, timeout), options)
+        except WaitTimeout as error:
+            raise CallError(str(error)) from error
     ends = opened(f"call {endpoint}", "request", _value(endpoint, data_type or "NativeObject", options))
     try:
         (reply,) = ends.call(args, kwargs)
@@ -120,6 +123,9 @@ def _split(endpoint):
     middleware, colon, topic = endpoint.partition(":")
     if not (middleware and colon and topic):
         raise OptionError(f"{endpoint!r} is no endpoint: write it as ros2:/chatter")
+    known = _native.middlewares()
+    if middleware not in known:
+        raise OptionError(f"{endpoint!r}: there is no middleware {middleware!r}, only {', '.join(known)}")
     return middleware, topic
 
 
