@@ -333,6 +333,8 @@ fn an_action_that_is_installed_nowhere_is_described_by_the_bridge() -> Result {
         sent.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
         let end = sent.wait_until("the end", |output| output.objects().next_back())?;
         assert_eq!(end["value"]["sequence"], json!([0, 1, 1, 2]));
+        let why = env.wrapyfi(["why", &at, "--json"])?.objects(1)?;
+        assert_ne!(why[0]["cause"], "definition", "{why:?}");
         Ok(())
     })
 }

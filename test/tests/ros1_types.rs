@@ -143,6 +143,7 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
         let mut value = package.value.clone();
         value["blob"] = json!([1, 2, 253]);
         let talker = rospy("publish", &from, Some(&value.to_string()))?;
+        talker.event("ready")?;
         let there = env.bridge_named("there.yaml", &there)?;
         let heard = ear.messages(3).map_err(|error| {
             error.context(format!("{}\n{}\n{}", there.tail(), again.tail(), talker.tail()))

@@ -31,7 +31,7 @@ use super::server_check::{ConnectOutcome, ServerCheck, connect};
 use super::{Graph, Registered, TIMEOUT, WayEnd, actions, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
-use crate::middlewares::{self, Endpoints, Observer, Server, conventions};
+use crate::middlewares::{self, Endpoints, Observer, Server, conventions, described};
 use crate::near_names::{beside, name_difference};
 use crate::node::GRAPH;
 use crate::on_graph::client::{mappings, only_foreign};
@@ -504,7 +504,7 @@ fn mapping(end: &mut WayEnd, ros2: &dyn graph::Graph) {
 /// Type that is announced or shown, and its definition.
 fn learn(end: &mut WayEnd, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
     let Some(one) = end.of(wanted.role).next().cloned() else { return };
-    let mut learn = || match wanted.role.interaction() {
+    let learn = |types: &mut TypeStore| match wanted.role.interaction() {
         Interaction::Service => {
             let kind = middleware.learn_service(&one, types);
             kind.map(|kind| (Some(kind.ros_type().to_owned()), None))
@@ -519,10 +519,14 @@ fn learn(end: &mut WayEnd, middleware: &dyn Middleware, wanted: &Wanted, types: 
         }
     };
     let begin = Instant::now();
-    let mut learned = learn();
+    let mut learned = learn(types);
     while matches!(learned, Err(LearnError::Asked(_))) && begin.elapsed() < LISTEN {
         std::thread::sleep(LOOK);
-        learned = learn();
+        learned = learn(types);
+    }
+    if matches!(learned, Err(LearnError::Undefined { .. })) {
+        described(middleware, &one, types);
+        learned = learn(types);
     }
     let shown = match learned {
         Ok((shown, learned)) => {
