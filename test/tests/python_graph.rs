@@ -8,7 +8,7 @@ const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const BOTH_ROS: &[Need] = &[Need::Program, Need::Python, Need::Ros1];
 
 /// Waits until a script has ended well with these lines.
-fn said(mut script: Process, lines: &[&str]) -> Result {
+pub(crate) fn said(mut script: Process, lines: &[&str]) -> Result {
     script.exits_with(0)?;
     let printed = script.stdout();
     assert_eq!(printed.lines().collect::<Vec<_>>(), lines, "{}", script.stderr());

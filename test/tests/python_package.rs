@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use wrapyfi_e2e::{Need, Process, Result, TestEnv, asked_until, repository, run, texts};
 
+use crate::python_graph::said;
+
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
 /// Both sides of one topic on ZeroMQ: the hashes that the one sends in a row arrive at the other.
@@ -95,12 +97,7 @@ asks! {
 fn prints(test: &str, script: &str, expected: &[&str]) -> Result {
     run(test, NEEDS, |env| {
         let _broker = env.broker()?;
-        let mut script = env.our_script(script, "")?;
-        script.exits_with(0)?;
-        let printed = script.stdout();
-        let lines: Vec<_> = printed.lines().collect();
-        assert_eq!(lines, expected, "{}", script.stderr());
-        Ok(())
+        said(env.our_script(script, "")?, expected)
     })
 }
 
