@@ -11,7 +11,8 @@
 # make fmt     formats the sources
 # make lint    lints only
 # make package-deb, make package-wheel   what others install without a compiler, in target/package
-# make release  packages, sources, crates, bill of materials and checksums, in target/package/release: docs/releasing.md
+# make release  packages, sources, crates, bill of materials and checksums, in target/package/release; PROCESSORS="x86_64 aarch64"
+#              makes wheels of both: docs/releasing.md
 # make version TO=0.2.0   writes the version where it stands
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
 # make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
@@ -69,7 +70,7 @@ setup-test:
 	@scripts/setup.sh test
 
 setup-wheel:
-	@scripts/setup.sh wheel
+	@scripts/setup.sh wheel $(PROCESSORS)
 
 setup-frameworks:
 	@scripts/setup.sh frameworks

@@ -17,7 +17,6 @@ cp -r "$made"/sources/wrapyfi{_msgs,_py} "$made/packages"
 (
     cd "$made/sources"
     cargo --quiet vendor --locked vendor
-    printf '\n[source.crates-io]\nreplace-with = "vendored"\n[source.vendored]\ndirectory = "vendor"\n' >>.cargo/config.toml
     # For Windows: Cargo reads their manifests and nothing else.
     rm -rf vendor/winapi-*-pc-windows-gnu/lib vendor/windows_*/lib
 )
@@ -25,10 +24,16 @@ for package in wrapyfi_core wrapyfi_bridge wrapyfi; do
     folder=$made/packages/$package
     mkdir "$folder"
     cp "$made/sources/$package/package.xml" "$folder"
-    sed 's:\.\./:sources/:g' "$made/sources/$package/CMakeLists.txt" >"$folder/CMakeLists.txt"
+    # Not where a link in what is installed points to.
+    sed '/CREATE_LINK/!s:\.\./:sources/:g' "$made/sources/$package/CMakeLists.txt" >"$folder/CMakeLists.txt"
     case $package in
     wrapyfi) mkdir "$folder/sources" && cp -r "$made"/sources/{cmake,config,launch} "$folder/sources" ;;
-    *) cp -rl "$made/sources" "$folder/sources" ;;
+    *)
+        cp -rl "$made/sources" "$folder/sources"
+        # Above the sources, whose own settings of Cargo are installed for others.
+        mkdir "$folder/.cargo"
+        printf '[source.crates-io]\nreplace-with = "vendored"\n[source.vendored]\ndirectory = "sources/vendor"\n' >"$folder/.cargo/config.toml"
+        ;;
     esac
 done
 tar --create --sort name --mtime "@$SOURCE_DATE_EPOCH" --owner 0 --group 0 --numeric-owner --hard-dereference \

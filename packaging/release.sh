@@ -17,8 +17,9 @@ sums() {
 }
 
 build() {
-    [ -z "$(git status --porcelain)" ] || fail "there are changes that are not committed: git status"
-    local version tag
+    local changes version tag
+    changes=$(git status --porcelain) || fail "git does not read this repository, above"
+    [ -z "$changes" ] || fail "there are changes that are not committed: git status"
     version=$(cargo metadata --no-deps --locked --format-version 1 | "${PYTHON3:-/usr/bin/python3}" -c '
 import json, sys
 print(next(p for p in json.load(sys.stdin)["packages"] if p["name"] == "wrapyfi_bridge")["version"])')

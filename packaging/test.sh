@@ -5,6 +5,8 @@
 #   packaging/test.sh deb FILE         a Debian package
 #   packaging/test.sh wheel FILE FILE  wheels of the program and of the library for Python, by pip into a virtual environment
 #   packaging/test.sh container FILE   a Debian package by the last stage of the Dockerfile, step by step
+#
+# What is for another processor runs under qemu: apt-get install qemu-user-static.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
 usage="usage: packaging/test.sh deb|wheel|container FILE..."
@@ -22,12 +24,18 @@ skip() {
 [ "$(id -u)" = 0 ] || skip "a new system is made by root only"
 command -v debootstrap >/dev/null || skip "there is no debootstrap. Run: apt-get install debootstrap"
 unshare --mount --pid --fork true 2>/dev/null || skip "no namespaces of mounts and processes here"
+case $file in
+*aarch64.whl | *_arm64.deb) processor=aarch64 architecture=arm64 ;;
+*) processor=x86_64 architecture=amd64 ;;
+esac
+[ "$processor" = "$(uname -m)" ] || [ -e "/proc/sys/fs/binfmt_misc/qemu-$processor" ] ||
+    skip "this machine runs nothing for $processor. Run: apt-get install qemu-user-static"
 
 root=$(mktemp -d "${TMPDIR:-/var/tmp}/wrapyfi-root.XXXXXX")
 chmod 755 "$root"
 # What is mounted below it is so in namespaces that have ended.
 trap 'rm -rf --one-file-system "$root"' EXIT
-debootstrap --variant=minbase bookworm "$root" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
+debootstrap --variant=minbase --arch "$architecture" bookworm "$root" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
 rm "$root.log"
 # As every installed system has it, and every container.
 echo "127.0.0.1 localhost" >"$root/etc/hosts"
@@ -78,7 +86,7 @@ use() {
     local version
     version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$here/Cargo.toml")
     [ "$(inside "$@" --version)" = "wrapyfi $version" ] || fail "$* --version does not say wrapyfi $version"
-    alone "$@" demo --seconds 5 >"$root/tmp/demo.log" 2>&1 || { tail -n 30 "$root/tmp/demo.log" >&2; fail "$* demo --seconds 5"; }
+    alone "$@" demo --seconds 10 >"$root/tmp/demo.log" 2>&1 || { tail -n 30 "$root/tmp/demo.log" >&2; fail "$* demo --seconds 10"; }
 }
 
 # What the package's scripts call of a systemd under which the bridges `robot` and `old` run.
@@ -146,21 +154,36 @@ deb() {
 
 wheel() {
     apt update
-    apt install --no-install-recommends python3-venv python3-numpy python3-yaml
+    apt install --no-install-recommends pipx python3-venv python3-numpy python3-yaml
     files >"$root/tmp/before"
     cp "$file" "$library" "$here/packaging/wheel/camera.py" "$root/tmp/"
+    local wheel
+    wheel=/tmp/$(basename "$file")
     inside python3 -m venv --system-site-packages /opt/wrapyfi
-    inside /opt/wrapyfi/bin/pip install --quiet --no-index "/tmp/$(basename "$file")" "/tmp/$(basename "$library")" || fail "pip install"
+    (cd "$root/opt/wrapyfi" && find . | sort) >"$root/tmp/venv"
+    # Without a network.
+    alone /opt/wrapyfi/bin/pip install --quiet --no-index "$wheel" "/tmp/$(basename "$library")" || fail "pip install"
     use /opt/wrapyfi/bin/wrapyfi
+    rests /opt/wrapyfi/bin/wrapyfi
     camera
+    # Over an installation that runs: a bridge goes on as it is, and answers what comes after it.
+    # shellcheck disable=SC2016
+    alone sh -ec '
+        PATH=/opt/wrapyfi/bin:$PATH
+        wrapyfi bridge --config /tmp/one.yaml 2>/tmp/over.log & bridge=$!
+        pip install --quiet --no-index --no-deps --force-reinstall "$0"
+        timeout 60 sh -c "until wrapyfi top --once | grep zeromq:/camera; do sleep 0.1; done"
+        kill $bridge && wait $bridge' "$wheel" >"$root/tmp/over" 2>&1 || { cat "$root/tmp/over" "$root/tmp/over.log" >&2; fail "an installation over a bridge that runs"; }
+    inside pipx run --quiet --spec "$wheel" wrapyfi-ros2 --version >"$root/tmp/pipx.log" 2>&1 || { cat "$root/tmp/pipx.log" >&2; fail "pipx run"; }
+    rm -rf "$root"/root/.{cache,local}
     local platform
-    for platform in manylinux_2_17_x86_64 musllinux_1_2_x86_64 manylinux_2_36_armv7l; do
+    for platform in manylinux_2_17_x86_64 manylinux_2_17_aarch64 musllinux_1_2_x86_64 manylinux_2_36_armv7l; do
         ! inside /opt/wrapyfi/bin/pip download --quiet --no-index --no-deps --only-binary=:all: --platform "$platform" --dest /tmp/none \
-            "/tmp/$(basename "$file")" 2>"$root/tmp/pip.log" || fail "pip installs it on $platform"
+            "$wheel" 2>"$root/tmp/pip.log" || fail "pip installs it on $platform"
         grep -q 'is not a supported wheel on this platform' "$root/tmp/pip.log" || fail "pip does not say why it refuses $platform"
     done
     inside /opt/wrapyfi/bin/pip uninstall --quiet --yes wrapyfi-ros2 wrapyfi-rs
-    ! find "$root/opt/wrapyfi" -iname '*wrapyfi[-_.]*' -o -name wrapyfi -type f | grep . || fail "removal left something, above"
+    (cd "$root/opt/wrapyfi" && find . | sort) | diff "$root/tmp/venv" - || fail "removal left something, above"
     rm -r "$root/opt/wrapyfi"
     files | diff "$root/tmp/before" - >"$root/tmp/left" || { cat "$root/tmp/left" >&2; fail "removal left something, above"; }
 }
@@ -190,7 +213,19 @@ container() {
         *) fail "the Dockerfile has a step that this test does not take: $line" ;;
         esac
     done < <(sed -n '/^FROM debian/,$p' "$here/packaging/container/Dockerfile")
-    use setpriv --reuid "$user" --regid nogroup --clear-groups wrapyfi
+    local as=(setpriv --reuid "$user" --regid nogroup --clear-groups)
+    use "${as[@]}" wrapyfi
+    # And what the compose file starts in it, both at once.
+    mkdir "$root/etc/wrapyfi"
+    echo 'routes: [{ from: "zeromq:/camera", to: "ros2:/camera", type: Image }]' >"$root/etc/wrapyfi/bridge.yaml"
+    local commands
+    commands=$(sed -n 's/^ *command: \[\(.*\)\]$/\1/p' "$here/packaging/container/compose.yaml" | tr -d ,)
+    [ "$(wc -l <<<"$commands")" = 2 ] || fail "compose.yaml has other commands than those of a bridge and a broker"
+    # shellcheck disable=SC2016
+    alone "${as[@]}" sh -ec '
+        echo "$0" | while read -r line; do wrapyfi $line & done
+        timeout 60 sh -c "until wrapyfi top --once | grep zeromq:/camera; do sleep 0.1; done"' "$commands" >"$root/tmp/compose.log" 2>&1 ||
+        { tail -n 30 "$root/tmp/compose.log" >&2; fail "the services of compose.yaml"; }
 }
 
 case $kind in

@@ -21,9 +21,10 @@ PAGE = ROOT / "THIRD_PARTY.md"
 BEGIN, END = "<!-- by scripts/licences.py --write -->\n", "<!-- to here -->\n"
 # A crate that needs one of these to be built may have C in it, or link it.
 OF_C = {"bindgen", "cc", "cmake", "pkg_config", "system_deps", "zeromq_src"}
-# Loaded when the program starts; in the wheels they are inside, and libsodium with them.
+# Loaded when the program starts; in the wheels they are inside, and libsodium and what zig links with them.
 LINKED = {"libjpeg-turbo": "IJG AND BSD-3-Clause AND Zlib", "libzmq": "LGPL-3.0-or-later OR MPL-2.0"}
-IN_WHEELS = {"libsodium": "ISC"}
+IN_WHEELS = {"compiler-rt": "MIT", "libc++": "Apache-2.0 WITH LLVM-exception", "libc++abi": "Apache-2.0 WITH LLVM-exception",
+             "libsodium": "ISC", "libunwind": "Apache-2.0 WITH LLVM-exception"}
 TEXTS = ("licen", "copying", "copyright", "notice", "unlicense")
 
 

@@ -166,6 +166,21 @@ rust_tools() {
         die "could not install cargo-nextest; see https://nexte.st for binaries"
 }
 
+# Rust's own library for the processors of the wheels.
+processors() {
+    local processor target
+    for processor in "$@"; do
+        target=$processor-unknown-linux-gnu
+        case $processor in
+        x86_64 | aarch64) ;;
+        *) die "wheels are for x86_64 and aarch64, not for $processor" ;;
+        esac
+        [ ! -d "$(rustc --print sysroot)/lib/rustlib/$target/lib" ] || continue
+        command -v rustup >/dev/null || die "cargo compiles nothing for $processor. Install its target $target with your Rust tool chain."
+        rustup target add "$target" >/dev/null 2>&1 || die "failed: rustup target add $target"
+    done
+}
+
 case "${1:-}" in
 build)
     build
@@ -184,11 +199,12 @@ test)
 wheel)
     build
     apt_packages nasm python3-venv
+    processors "${@:2}"
     ;;
 frameworks)
     frameworks
     ;;
 *)
-    die "usage: scripts/setup.sh build|test|wheel|frameworks"
+    die "usage: scripts/setup.sh build|test|wheel [PROCESSOR...]|frameworks"
     ;;
 esac

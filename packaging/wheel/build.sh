@@ -21,6 +21,10 @@ staged=$(mktemp -d)
 trap 'rm -rf "$staged"' EXIT
 mkdir -p "$staged"/{.cargo,licenses}
 scripts/licences.py --texts "$staged/licenses/licenses-of-crates.txt"
+# What zig links in place of the system's libstdc++ and libgcc.
+zig=$("$tools/bin/python" -c 'import ziglang; print(*ziglang.__path__)')
+cp "$zig/LICENSE" "$staged/licenses/zig"
+for part in libcxx libcxxabi libunwind; do cp "$zig/lib/$part/LICENSE.TXT" "$staged/licenses/llvm-$part"; done
 cp -r packaging/wheel "$staged/wrapyfi_ros2"
 cp -rL wrapyfi_rs "$staged/wrapyfi_rs" # the package of messages is a link to wrapyfi_py
 
