@@ -181,9 +181,10 @@ package-crates package-deb: package-%: setup-build | target/COLCON_IGNORE
 package-wheel: setup-wheel | target/COLCON_IGNORE
 	@packaging/wheel/build.sh $(PROCESSORS)
 
-# In a new Debian 12 each, as root; a skip that says why where none can be made.
+# In a new Debian 12 each, the Debian package in Ubuntu 24.04 too, as root; a skip that says why where none can be made.
 test-packages: package-deb package-wheel
 	@packaging/test.sh deb target/package/wrapyfi_*.deb
+	@SUITE=noble packaging/test.sh deb target/package/wrapyfi_*.deb
 	@packaging/test.sh container target/package/wrapyfi_*.deb
 	@packaging/test.sh wheel target/package/wrapyfi_{ros2,rs}-*_$$(uname -m).whl
 

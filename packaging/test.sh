@@ -6,7 +6,7 @@
 #   packaging/test.sh wheel FILE FILE  wheels of the program and of the library for Python, by pip into a virtual environment
 #   packaging/test.sh container FILE   a Debian package by the last stage of the Dockerfile, step by step
 #
-# What is for another processor runs under qemu: apt-get install qemu-user-static.
+# SUITE=noble takes Ubuntu 24.04 for it. What is for another processor runs under qemu: apt-get install qemu-user-static.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
 usage="usage: packaging/test.sh deb|wheel|container FILE..."
@@ -35,7 +35,13 @@ root=$(mktemp -d "${TMPDIR:-/var/tmp}/wrapyfi-root.XXXXXX")
 chmod 755 "$root"
 # What is mounted below it is so in namespaces that have ended.
 trap 'rm -rf --one-file-system "$root"' EXIT
-debootstrap --variant=minbase --arch "$architecture" bookworm "$root" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
+# All Ubuntus are made by one script, and Debian 12 knows few of them by name.
+system=("${SUITE:=bookworm}" "$root")
+case $SUITE-$architecture in
+noble-amd64) system=(--components "main,universe" "${system[@]}" http://archive.ubuntu.com/ubuntu gutsy) ;;
+noble-*) system=(--components "main,universe" "${system[@]}" http://ports.ubuntu.com/ubuntu-ports gutsy) ;;
+esac
+debootstrap --variant=minbase --arch "$architecture" "${system[@]}" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
 rm "$root.log"
 # As every installed system has it, and every container.
 echo "127.0.0.1 localhost" >"$root/etc/hosts"
