@@ -1,5 +1,6 @@
 """What a script can do wrong with wrapyfi_rs, and the exception for each: a line each. Everything is in one process."""
 import logging
+import queue
 
 import numpy as np
 
@@ -145,10 +146,20 @@ def main():
     tell("place", lambda: in_mode("place", "publish", 1))
     tell("list", lambda: in_mode("own", []))
     tell("unknown middleware", lambda: in_mode("pigeon", "listen"))
-    warned = []
-    kept = type("Kept", (logging.Handler,), {"emit": lambda _, record: warned.append(record.levelname)})
+    lines = queue.Queue()
+    kept = type("Kept", (logging.Handler,), {"emit": lambda _, record: lines.put((record.levelname, record.getMessage()))})
     logging.getLogger("wrapyfi_rs").addHandler(kept())
-    tell("middleware without a name server", lambda: (in_mode("absent", "listen"), warned))
+
+    def warned(word):
+        """Level of the next line with a word, which a thread brings."""
+        while True:
+            level, text = lines.get(timeout=100)
+            if word in text:
+                return level
+
+    tell("middleware without a name server", lambda: (in_mode("absent", "listen"), warned("middleware yarp is not available")))
+    register("NativeObject", "zeromq", "Typo", "/typo", should_wiat=True, listener_kwargs={"timeout": 5, "timeout_m": 5})
+    tell("misspelt options", lambda: (warned("'should_wiat' is no option"), warned("did you mean 'timeout_ms'")))
     tell("time-out", lambda: in_mode("silent", "listen"))
     for mode in ("listen", "publish", "request"):
         tell(f"no broker, {mode}", lambda: in_mode("alone", mode, True))

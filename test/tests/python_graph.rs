@@ -200,6 +200,7 @@ def enough(feedback):
 
 goal = sys.argv[1], "test_msgs/action/Fibonacci"
 print(wrapyfi_rs.send_goal(*goal, order=7, timeout=100)["sequence"].tolist())
+print(wrapyfi_rs.send_goal(sys.argv[1], order=3, timeout=100)["sequence"].tolist())
 try:
     wrapyfi_rs.send_goal(*goal, -1, feedback=enough)
 except Enough as error:
@@ -229,7 +230,7 @@ fn actions_are_served_and_sent() -> Result {
         for mware in ["ros", "ros2"] {
             let server = env.our_script(COUNTS, &format!("reply {mware}"))?;
             let endpoint = format!("{mware}:/numbers");
-            said(env.our_script(GOALS, &endpoint)?, &[NUMBERS, "enough 3", "no result: True"])
+            said(env.our_script(GOALS, &endpoint)?, &[NUMBERS, "[0, 1, 1]", "enough 3", "no result: True"])
                 .map_err(|error| error.context(server.tail()))?;
             server.wait_until("the word that a goal was cancelled", |output| {
                 output.out.iter().any(|line| line == "canceled").then_some(())
@@ -288,5 +289,48 @@ fn ctrl_c_ends_functions_that_wait() -> Result {
                 .map_err(|error| error.context(function.to_owned()))?;
         }
         Ok(())
+    })
+}
+
+/// Functions of one loop: what waits for nobody does not keep the others waiting, and ends when it is cancelled.
+const AWAITS: &str = r#"
+import asyncio
+from wrapyfi_rs import aio
+
+async def heard():
+    return [message["linear"]["x"] async for message in aio.echo("ros2:/twist", count=2, timeout=100)]
+
+async def untold():
+    async for _ in aio.echo("ros2:/nobody"):
+        pass
+
+async def silent():
+    async for _ in aio.echo("ros2:/nobody", "NativeObject"):
+        pass
+
+async def main():
+    waits = [untold(), silent(), aio.call("ros2:/nobody", data_type="std_srvs/srv/Trigger", timeout=1000),
+             aio.send_goal("ros2:/nobody", "test_msgs/action/Fibonacci", 1, timeout=1000)]
+    waits = [asyncio.create_task(one) for one in waits]
+    print(await heard())
+    print((await aio.send_goal("ros2:/numbers", order=7, timeout=100))["sequence"].tolist())
+    print(any(one["name"] == "/twist" for one in await aio.list("ros2")), (await aio.why("ros2:/twist")).passed != [])
+    for one in waits:
+        one.cancel()
+    print([type(end).__name__ for end in await asyncio.gather(*waits, return_exceptions=True)])
+
+asyncio.run(main())
+"#;
+
+#[test]
+fn functions_are_awaited() -> Result {
+    run("functions_are_awaited", NEEDS, |env| {
+        fibonacci(env)?;
+        let publish = ["pub", "ros2:/twist", "--type", "geometry_msgs/msg/Twist", "--rate", "20"];
+        let value = r#"{"linear": {"x": 0.5}}"#;
+        let _publisher = env.wrapyfi([&publish[..], &["--value", value]].concat())?;
+        let _server = env.our_script(COUNTS, "reply ros2")?;
+        let ends = "['CancelledError', 'CancelledError', 'CancelledError', 'CancelledError']";
+        said(env.our_script(AWAITS, "")?, &["[0.5, 0.5]", NUMBERS, "True True", ends])
     })
 }

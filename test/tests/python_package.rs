@@ -127,7 +127,8 @@ fn faults_of_a_script_are_exceptions_of_their_own_class() -> Result {
             "place: IndexError",
             "list: IndexError",
             "unknown middleware: [None]",
-            "middleware without a name server: ([None], ['WARNING'])",
+            "middleware without a name server: ([None], 'WARNING')",
+            "misspelt options: ('WARNING', 'WARNING')",
             "time-out: WaitTimeout",
             "no broker, listen: WaitTimeout",
             "no broker, publish: WaitTimeout",
@@ -490,6 +491,21 @@ fn a_variable_puts_this_package_in_place_of_wrapyfi() -> Result {
             let mut ran = env.our_python_with(&["-c", script], &variables)?;
             ran.exits_with(0)?;
             assert_eq!(ran.stdout(), printed, "WRAPYFI_RS={value:?}: {}", ran.stderr());
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn the_switch_says_how_it_is_used() -> Result {
+    run("the_switch_says_how_it_is_used", NEEDS, |env| {
+        for (argument, exit_code, word) in
+            [("--help", 0, "usage"), ("--version", 0, "wrapyfi_rs"), ("--hepl", 1, "no option --hepl")]
+        {
+            let mut ran = env.our_python_with(&["-m", "wrapyfi_rs", argument], &[])?;
+            ran.exits_with(exit_code)?;
+            let said = ran.stdout() + &ran.stderr();
+            assert!(said.contains(word) && !said.contains("Traceback"), "{argument}: {said}");
         }
         Ok(())
     })

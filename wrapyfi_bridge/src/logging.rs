@@ -1,7 +1,8 @@
 //! Log lines on stderr, in the form ROS 2 nodes print theirs, and on `/rosout`.
 //!
 //! ```text
-//!   tracing event ─ filter ─ level of its logger ─ flood? ─┬─▶ stderr: [INFO] [1795214428.963405000] [bridge]: text key=value
+//!   tracing event ─ filter ─ level of its logger ─ flood? ─┬─▶ stderr: [INFO] [1795214428.963405000] [bridge]: text key=value,
+//!                                                          │   or what a program that is not ours does with it
 //!                                                          ├─▶ the node, once there is one ─▶ /rosout
 //!                                                          └─▶ the log port of YARP, where one is asked for
 //! ```
@@ -69,6 +70,12 @@ pub fn start(logger: &str, level: &str) -> Result<(), String> {
     Ok(())
 }
 
+/// Gives every line of at least the level "info", or what `RUST_LOG` says instead, to `take`, with its level and the name of its
+/// logger. `take` runs on the thread that logs, and is not to wait.
+pub fn start_to(logger: &str, take: impl Fn(Level, &str, String) + Send + Sync + 'static) {
+    begin(logger, LevelFilter::INFO, &LogLevels::default(), Some(Box::new(take)));
+}
+
 /// The level of this name.
 ///
 /// # Errors
@@ -82,6 +89,10 @@ pub fn level(name: &str) -> Result<LevelFilter, String> {
 /// As [`start`], where loggers named in `levels` have the level given there, and its level for all
 /// others goes before `level`. Without `stdout` nothing is printed, and only `/rosout` has the lines.
 pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bool) {
+    begin(logger, level, levels, stdout.then(|| Box::new(print_line) as Box<Take>));
+}
+
+fn begin(logger: &str, level: LevelFilter, levels: &LogLevels, take: Option<Box<Take>>) {
     let level = match levels.default_level() {
         LogLevel::Unset => level,
         given => severity(given),
@@ -100,7 +111,7 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
     let output = Output {
         logger: logger.to_owned(),
         levels: Arc::clone(&levels),
-        is_printed: stdout,
+        take,
         floods: Mutex::default(),
     };
     // Fails only where a subscriber is set already: then its owner decides, as it should.
@@ -243,12 +254,24 @@ pub fn write_to(middleware: &str, sink: Option<Box<dyn LogSink>>) {
     }
 }
 
+/// What is done with a line: its level, the name of its logger, and its text.
+type Take = dyn Fn(Level, &str, String) + Send + Sync;
+
+/// Prints a line as nodes of ROS 2 do.
+fn print_line(level: Level, logger: &str, text: String) {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let (seconds, rest) = (now.as_secs(), now.subsec_nanos());
+    let level = if level == Level::TRACE { Level::DEBUG } else { level };
+    print(format!("[{level}] [{seconds}.{rest:09}] [{logger}]: {text}\n"));
+}
+
 /// All places that have the lines. An event is read once for all of them.
 struct Output {
     /// The program's.
     logger: String,
     levels: Arc<Levels>,
-    is_printed: bool,
+    /// Prints them, or hands them on; `None` where only `/rosout` has them.
+    take: Option<Box<Take>>,
     /// Numbers of lines by the place that logs them.
     floods: Mutex<HashMap<Identifier, Flood>>,
 }
@@ -307,17 +330,15 @@ impl<S: Subscriber> Layer<S> for Output {
         let passed = flood.pass(now);
         drop(floods);
         let Some(behind) = passed else { return };
-        let (level, of_yarp, of_ros) = match *metadata.level() {
-            Level::ERROR => ("ERROR", "ERROR", LogLevel::Error),
-            Level::WARN => ("WARN", "WARNING", LogLevel::Warn),
-            Level::INFO => ("INFO", "INFO", LogLevel::Info),
-            Level::DEBUG | Level::TRACE => ("DEBUG", "DEBUG", LogLevel::Debug),
+        let (of_yarp, of_ros) = match *metadata.level() {
+            Level::ERROR => ("ERROR", LogLevel::Error),
+            Level::WARN => ("WARNING", LogLevel::Warn),
+            Level::INFO => ("INFO", LogLevel::Info),
+            Level::DEBUG | Level::TRACE => ("DEBUG", LogLevel::Debug),
         };
         let text = escaped_lines(&cut(line.message + &line.fields)).into_owned() + &behind;
-        if self.is_printed {
-            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-            let (seconds, rest) = (now.as_secs(), now.subsec_nanos());
-            print(format!("[{level}] [{seconds}.{rest:09}] [{logger}]: {text}\n"));
+        if let Some(take) = &self.take {
+            take(*metadata.level(), &logger, text.clone());
         }
         // Lines of the ports about their own work are not sent through a port.
         if !(metadata.target() == "wrapyfi_yarp" || metadata.target().starts_with("wrapyfi_yarp::"))

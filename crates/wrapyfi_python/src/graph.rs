@@ -1,5 +1,6 @@
 //! Endpoints, types, causes and definitions for Python, found out as by the commands of `wrapyfi`.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
 use pyo3::prelude::*;
@@ -20,9 +21,28 @@ use crate::to_python::ToPython;
 /// Time between two looks whether the answer or a signal has come.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// Runs what a command does, without the lock of the interpreter. A signal ends it.
+/// A look at a middleware that another thread may end.
+#[pyclass(frozen, module = "wrapyfi_rs._native")]
+#[derive(Default)]
+pub(crate) struct Look(AtomicBool);
+
+#[pymethods]
+impl Look {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Ends the look with an exception, now or as soon as it begins.
+    fn cancel(&self) {
+        self.0.store(true, Relaxed);
+    }
+}
+
+/// Runs what a command does, without the lock of the interpreter. A signal ends it, and so does `look`.
 fn found<T: Send>(
     py: Python<'_>,
+    look: Option<&Look>,
     find: impl FnOnce(&Shutdown) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
     let shutdown = Shutdown::default();
@@ -30,7 +50,7 @@ fn found<T: Send>(
         std::thread::scope(|scope| {
             let finder = scope.spawn(|| find(&shutdown));
             while !finder.is_finished() {
-                if interrupt::is_interrupted() {
+                if interrupt::is_interrupted() || look.is_some_and(|look| look.0.load(Relaxed)) {
                     shutdown.request();
                 }
                 std::thread::sleep(LOOK_EVERY);
@@ -68,7 +88,7 @@ pub(crate) fn endpoints(
 ) -> PyResult<Vec<(&'static str, String)>> {
     let wait = wait_s.map(|wait| seconds(py, wait)).transpose()?;
     let args = ListArgs { middleware, json: true, wait, own: OwnAddress::default() };
-    let found = found(py, |shutdown| command::list::endpoints(&args, shutdown))?;
+    let found = found(py, None, |shutdown| command::list::endpoints(&args, shutdown))?;
     let lines = found.into_iter().map(|(middleware, one)| {
         let line = serde_json::to_string(&one).map_err(|error| fault(py, error))?;
         Ok((middleware, line))
@@ -78,29 +98,48 @@ pub(crate) fn endpoints(
 
 /// Data type, type and type of ROS of a topic, by name, as its ends tell it.
 #[pyfunction]
+#[pyo3(signature = (endpoint, timeout_s, look=None))]
 pub(crate) fn topic_type(
     py: Python<'_>,
     endpoint: &str,
     timeout_s: Option<f64>,
+    look: Option<&Look>,
 ) -> PyResult<(String, String, &'static str)> {
     let endpoint = address(py, endpoint)?;
     let timeout = timeout_s.map(|timeout| seconds(py, timeout)).transpose()?;
-    let found = found(py, |shutdown| command::echo::type_of(&endpoint, timeout, shutdown))?;
+    let found = found(py, look, |shutdown| command::echo::type_of(&endpoint, timeout, shutdown))?;
     let kind: MessageType = found.ok_or_else(|| ended(py, "interrupted"))?;
     Ok((kind.data_type().to_string(), kind.to_string(), kind.ros_type()))
 }
 
 /// Data type and type of a service, as its servers tell it.
 #[pyfunction]
+#[pyo3(signature = (endpoint, timeout_s, look=None))]
 pub(crate) fn service_type(
     py: Python<'_>,
     endpoint: &str,
     timeout_s: f64,
+    look: Option<&Look>,
 ) -> PyResult<(String, String)> {
     let (endpoint, timeout) = (address(py, endpoint)?, seconds(py, timeout_s)?);
     let ask = |shutdown: &Shutdown| command::service::call::type_of(&endpoint, timeout, shutdown);
-    let kind = found(py, ask)?.ok_or_else(|| ended(py, "interrupted"))?;
+    let kind = found(py, look, ask)?.ok_or_else(|| ended(py, "interrupted"))?;
     Ok((kind.data_type().to_string(), kind.to_string()))
+}
+
+/// Type of an action, as its servers tell it.
+#[pyfunction]
+#[pyo3(signature = (endpoint, timeout_s, look=None))]
+pub(crate) fn action_type(
+    py: Python<'_>,
+    endpoint: &str,
+    timeout_s: f64,
+    look: Option<&Look>,
+) -> PyResult<String> {
+    let (endpoint, timeout) = (address(py, endpoint)?, seconds(py, timeout_s)?);
+    let ask = |shutdown: &Shutdown| command::action::type_of(&endpoint, timeout, shutdown);
+    let kind = found(py, look, ask)?.ok_or_else(|| ended(py, "interrupted"))?;
+    Ok(kind.to_string())
 }
 
 /// Reason why nothing flows at a name, as JSON and in words.
@@ -119,7 +158,7 @@ pub(crate) fn why(
         json: true,
         own: OwnAddress::default(),
     };
-    let diagnosis = found(py, |_| command::why::diagnosis(&args))?;
+    let diagnosis = found(py, None, |_| command::why::diagnosis(&args))?;
     let json = serde_json::to_string(&diagnosis).map_err(|error| fault(py, error))?;
     Ok((json, diagnosis.to_string()))
 }

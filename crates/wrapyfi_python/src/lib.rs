@@ -3,7 +3,7 @@
 //! ```text
 //!   wrapyfi_rs (Python)   decorator, modes, $, configuration, plug-ins written in Python
 //!        │ open(method, mode, values) ─▶ Ends: listen, publish, call, serve; Feedback of goals
-//!        │ endpoints, topic_type, service_type, why, definitions
+//!        │ endpoints, topic_type, service_type, action_type, why, definitions; log_lines
 //!   this crate            objects ⇄ values; the lock of the interpreter is free while a call waits or codes
 //!        │
 //!   wrapyfi_core          endpoints of the communicator
@@ -16,8 +16,12 @@ mod feedback;
 mod from_python;
 mod graph;
 mod interrupt;
+mod log;
 mod memory;
 mod numpy;
+#[path = "../../wrapyfi_macros/src/options.rs"]
+#[expect(dead_code, reason = "kinds of values are for the macro")]
+mod options;
 mod to_python;
 
 use std::sync::{Mutex, PoisonError};
@@ -52,6 +56,12 @@ fn middlewares() -> Vec<String> {
     context().middlewares()
 }
 
+/// Names of the options of `register`.
+#[pyfunction]
+fn option_names() -> Vec<&'static str> {
+    options::names().collect()
+}
+
 /// Version of the workspace, which the package has too.
 #[pyfunction]
 fn version() -> &'static str {
@@ -72,7 +82,16 @@ mod _native {
     #[pymodule_export]
     use super::feedback::Feedback;
     #[pymodule_export]
-    use super::graph::{definitions, endpoints, service_type, topic_type, why};
+    use super::graph::{Look, action_type, definitions, endpoints, service_type, topic_type, why};
     #[pymodule_export]
-    use super::{forked, middlewares, panic_on_purpose, version};
+    use super::log::log_lines;
+    #[pymodule_export]
+    use super::{forked, middlewares, option_names, panic_on_purpose, version};
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(_: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::log::start();
+        Ok(())
+    }
 }

@@ -23,10 +23,11 @@ use super::announced::Announced;
 use super::echo::Waiting;
 use super::service::{as_text, call, value, wait};
 use super::{definitions, list};
-use crate::cli::{ActionCommand, ActionEndpoint, ActionSendArgs, ActionServeArgs};
+use crate::cli::{ActionCommand, ActionEndpoint, ActionSendArgs, ActionServeArgs, ServicePorts};
 use crate::exit::{Failure, Result};
 use crate::middlewares::{carries, for_service, is_ros};
 use crate::output;
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
 /// Time for which a cancelled goal is waited for once the command is asked to end.
@@ -70,16 +71,11 @@ fn client(
             let text = "--type is needed: a function does not tell the type of an action";
             return Err(Failure::Usage(format!("{}: {text}", at.endpoint)));
         }
-        None => {
-            let announced = Announced {
-                endpoint: &at.endpoint,
-                role: Role::ActionServer,
-                definitions: &at.definitions,
-                timeout,
-                learn: |middleware, one, types| middleware.learn_action(one, types),
-            };
-            announced.learned(&*middleware, &context.wake, shutdown)?
-        }
+        None => servers(&at.endpoint, &at.definitions, timeout).learned(
+            &*middleware,
+            &context.wake,
+            shutdown,
+        )?,
     };
     let Some(kind) = kind else { return Ok(None) };
     check(kind)?;
@@ -103,6 +99,35 @@ fn client(
         wait(&context.wake, Some(Instant::now() + left));
     }
     Ok(Some((middleware, client, context)))
+}
+
+/// Type of an action as its servers tell it, which are waited for at most `timeout`. `None` when asked to end before.
+///
+/// # Errors
+/// As [`run`].
+pub fn type_of(
+    endpoint: &EndpointAddress,
+    timeout: Duration,
+    shutdown: &Shutdown,
+) -> Result<Option<RosAction>> {
+    let (ports, own) = (ServicePorts::default(), OwnAddress::default());
+    let middleware = for_service(endpoint, Role::ActionClient, &ports, own)?;
+    let context = Context::default();
+    servers(endpoint, &[], timeout).learned(&*middleware, &context.wake, shutdown)
+}
+
+fn servers<'a>(
+    endpoint: &'a EndpointAddress,
+    definitions: &'a [PathBuf],
+    timeout: Duration,
+) -> Announced<'a, RosAction> {
+    Announced {
+        endpoint,
+        role: Role::ActionServer,
+        definitions,
+        timeout,
+        learn: |middleware, one, types| middleware.learn_action(one, types),
+    }
 }
 
 fn given(name: &str, folders: &[PathBuf]) -> Result<RosAction> {

@@ -113,7 +113,7 @@ impl<'a> Wait<'a> {
         if now >= self.say_at {
             let (method, waited_for) = (self.method, waited_for());
             if !to_stderr(format_args!("{method} waits for {waited_for}")) {
-                tracing::info!("{method} waits for {waited_for}");
+                tracing::warn!("{method} waits for {waited_for}");
             }
             self.say_at = now + SAY_EVERY;
         }

@@ -1,14 +1,17 @@
 """The values of a method as the core wants them: ``$`` replaced, options of plug-ins taken out."""
 
+import contextvars
 import inspect
 import logging
 
-from . import _native
+from . import _log, _native
 from ._objects import Codec
 from ._ros_objects import ros_type
 from .errors import OpenError, OptionError
 
 _LOG = logging.getLogger("wrapyfi_rs")
+#: What a task has opened, and cancels where it is cancelled itself.
+OPENED = contextvars.ContextVar("wrapyfi_rs.opened", default=None)
 
 #: Messages of Wrapyfi's topics on ROS 2; the option ``message_type`` names others.
 _ON_ROS_2 = {"NativeObject": "std_msgs/msg/String", "AudioChunk": "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage"}
@@ -35,6 +38,7 @@ class Value:
         topic = options.pop("topic", places.get("topic"))
         if topic is None:
             raise OptionError(f"register({data_type!r}, {middleware!r}, …) without a topic: name the class, then the topic")
+        _check(options)
         # Both carry dicts, of the type that the option message_type names.
         data_type = "ROSMessage" if data_type == "ROS2Message" else data_type
         return cls(data_type, middleware, topic, options)
@@ -69,21 +73,40 @@ def open_ends(method, mode, args, kwargs, returned=()):
     if mode == "transceive" and all(_is_echo(topic, options) for _, _, topic, options, _ in values):
         # Wrapyfi's listener hears its own publisher, which has a listener with it.
         mode, values = "publish", [(*one[:3], {**one[3], "should_wait": False}, one[4]) for one in values]
-    ends = _native.open(method.function.__qualname__, mode, values)
-    for (data_type, middleware, topic, _, _), why in zip(values, ends.absent()):
-        if why is not None:
-            _LOG.warning("%s on %s:%s is None and goes nowhere: %s", data_type, middleware, topic, why)
-    return ends
+    _log.start()
+    return _native.open(method.function.__qualname__, mode, values)
 
 
 def opened(name, mode, value, has_feedback=True):
     """The ends of one value that no method has. Raises ``OpenError`` where its middleware is not here."""
+    _log.start()
     ends = _native.open(name, mode, [_resolved(value, lambda written: written, mode, has_feedback)])
     (why,) = ends.absent()
     if why is not None:
         ends.close()
         raise OpenError(f"{name}: {why}")
+    cancelled_with_task(ends)
     return ends
+
+
+def cancelled_with_task(wait):
+    """What has a method ``cancel``, which is called where the task is cancelled that this is a part of."""
+    if (opened_by_task := OPENED.get()) is not None:
+        opened_by_task.append(wait)
+    return wait
+
+
+def _check(options):
+    """Warns of options that are nobody's and nearly the name of one; others may be those of a plug-in."""
+    known = _native.option_names()
+    for name, option in options.items():
+        if name not in known:
+            import difflib
+
+            for meant in difflib.get_close_matches(name, known, 1, 0.75):
+                _LOG.warning("register: %r is no option and has no effect; did you mean %r?", name, meant)
+        elif isinstance(option, dict) and name in ("listener_kwargs", "publisher_kwargs"):
+            _check(option)
 
 
 def _is_echo(topic, options):

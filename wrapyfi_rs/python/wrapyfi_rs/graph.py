@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from . import _native, connect  # noqa: F401  which looks for plug-ins
-from ._ends import Value, opened
+from ._ends import Value, cancelled_with_task, opened
 from .errors import CallError, OptionError, WaitTimeout
 
 
@@ -32,7 +32,7 @@ def echo(
     within ``timeout``, and ``OpenError`` where the middleware is not here. ``options`` are those of ``register``.
     """
     if data_type is None:
-        data_type, options = _told(_native.topic_type(endpoint, timeout), options)
+        data_type, options = _told(_native.topic_type(endpoint, timeout, _look()), options)
     value = _value(endpoint, data_type, {"should_wait": True, **_time(timeout), **options})
     ends = opened(f"echo {endpoint}", "listen", value)
     heard = 0
@@ -57,7 +57,7 @@ def call(
     options = _time(timeout)
     if data_type is None and _split(endpoint)[0] in ("ros", "ros2"):
         try:
-            data_type, options = _told(_native.service_type(endpoint, timeout), options)
+            data_type, options = _told(_native.service_type(endpoint, timeout, _look()), options)
         except WaitTimeout as error:
             raise CallError(str(error)) from error
     ends = opened(f"call {endpoint}", "request", _value(endpoint, data_type or "NativeObject", options))
@@ -69,14 +69,20 @@ def call(
 
 
 def send_goal(
-    endpoint: str, action_type: str, *args: Any, feedback: Callable[[dict[str, Any]], Any] | None = None,
+    endpoint: str, action_type: str | None = None, *args: Any, feedback: Callable[[dict[str, Any]], Any] | None = None,
     timeout: float | None = None, **kwargs: Any,
 ) -> dict[str, Any]:
     """The result of a goal of an action, a dict; the goal's fields are the arguments.
 
+    ``action_type`` is for instance ``example_interfaces/action/Fibonacci``; without it what the servers on ROS tell.
     ``feedback`` is called with each feedback, a dict; what it raises cancels the goal, and so do Ctrl-C and ``timeout``.
     Raises ``CallError`` where the goal is rejected or does not succeed.
     """
+    if action_type is None:
+        try:
+            action_type = _native.action_type(endpoint, 5.0 if timeout is None else timeout, _look())
+        except WaitTimeout as error:
+            raise CallError(str(error)) from error
     value = _value(endpoint, "Action", {"action_type": action_type, **_time(timeout)})
     ends = opened(f"goal {endpoint}", "request", value)
     try:
@@ -127,6 +133,10 @@ def _split(endpoint):
     if middleware not in known:
         raise OptionError(f"{endpoint!r}: there is no middleware {middleware!r}, only {', '.join(known)}")
     return middleware, topic
+
+
+def _look():
+    return cancelled_with_task(_native.Look())
 
 
 def _time(seconds):

@@ -168,21 +168,13 @@ class MiddlewareCommunicator:
             async def awaited(*args, **kwargs):
                 import asyncio  # here, because it takes longer than all the rest
 
+                from .._tasks import in_thread
+
                 state = _state_of(args[0], method) if args else None
                 if state is None or state.mode is None:
                     return await function(*args, **kwargs)
-                loop = asyncio.get_running_loop()
-                call = functools.partial(_Call, method, state, args, kwargs, loop)
-                work = asyncio.ensure_future(asyncio.to_thread(lambda mode: _CALLS[mode](call()), state.mode))
-                try:
-                    return await asyncio.shield(work)
-                except asyncio.CancelledError:
-                    # Its wait may have yet to begin.
-                    while not work.done():
-                        state.cancel()
-                        await asyncio.wait([work], timeout=0.01)
-                    work.exception()
-                    raise
+                mode, loop = state.mode, asyncio.get_running_loop()
+                return await in_thread(lambda: _CALLS[mode](_Call(method, state, args, kwargs, loop)), [state])
 
             chosen = awaited if inspect.iscoroutinefunction(function) else wrapper
             chosen.__wrapyfi_method__ = method
