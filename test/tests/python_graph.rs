@@ -230,8 +230,11 @@ fn actions_are_served_and_sent() -> Result {
         for mware in ["ros", "ros2"] {
             let server = env.our_script(COUNTS, &format!("reply {mware}"))?;
             let endpoint = format!("{mware}:/numbers");
-            said(env.our_script(GOALS, &endpoint)?, &[NUMBERS, "[0, 1, 1]", "enough 3", "no result: True"])
-                .map_err(|error| error.context(server.tail()))?;
+            said(
+                env.our_script(GOALS, &endpoint)?,
+                &[NUMBERS, "[0, 1, 1]", "enough 3", "no result: True"],
+            )
+            .map_err(|error| error.context(server.tail()))?;
             server.wait_until("the word that a goal was cancelled", |output| {
                 output.out.iter().any(|line| line == "canceled").then_some(())
             })?;

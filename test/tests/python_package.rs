@@ -499,9 +499,11 @@ fn a_variable_puts_this_package_in_place_of_wrapyfi() -> Result {
 #[test]
 fn the_switch_says_how_it_is_used() -> Result {
     run("the_switch_says_how_it_is_used", NEEDS, |env| {
-        for (argument, exit_code, word) in
-            [("--help", 0, "usage"), ("--version", 0, "wrapyfi_rs"), ("--hepl", 1, "no option --hepl")]
-        {
+        for (argument, exit_code, word) in [
+            ("--help", 0, "usage"),
+            ("--version", 0, "wrapyfi_rs"),
+            ("--hepl", 1, "no option --hepl"),
+        ] {
             let mut ran = env.our_python_with(&["-m", "wrapyfi_rs", argument], &[])?;
             ran.exits_with(exit_code)?;
             let said = ran.stdout() + &ran.stderr();

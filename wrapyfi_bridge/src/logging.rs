@@ -72,7 +72,7 @@ pub fn start(logger: &str, level: &str) -> Result<(), String> {
 
 /// Gives every line of at least the level "info", or what `RUST_LOG` says instead, to `take`, with its level and the name of its
 /// logger. `take` runs on the thread that logs, and is not to wait.
-pub fn start_to(logger: &str, take: impl Fn(Level, &str, String) + Send + Sync + 'static) {
+pub fn start_to(logger: &str, take: impl Fn(Level, &str, &str) + Send + Sync + 'static) {
     begin(logger, LevelFilter::INFO, &LogLevels::default(), Some(Box::new(take)));
 }
 
@@ -255,10 +255,10 @@ pub fn write_to(middleware: &str, sink: Option<Box<dyn LogSink>>) {
 }
 
 /// What is done with a line: its level, the name of its logger, and its text.
-type Take = dyn Fn(Level, &str, String) + Send + Sync;
+type Take = dyn Fn(Level, &str, &str) + Send + Sync;
 
 /// Prints a line as nodes of ROS 2 do.
-fn print_line(level: Level, logger: &str, text: String) {
+fn print_line(level: Level, logger: &str, text: &str) {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let (seconds, rest) = (now.as_secs(), now.subsec_nanos());
     let level = if level == Level::TRACE { Level::DEBUG } else { level };
@@ -338,7 +338,7 @@ impl<S: Subscriber> Layer<S> for Output {
         };
         let text = escaped_lines(&cut(line.message + &line.fields)).into_owned() + &behind;
         if let Some(take) = &self.take {
-            take(*metadata.level(), &logger, text.clone());
+            take(*metadata.level(), &logger, &text);
         }
         // Lines of the ports about their own work are not sent through a port.
         if !(metadata.target() == "wrapyfi_yarp" || metadata.target().starts_with("wrapyfi_yarp::"))

@@ -53,7 +53,7 @@ const LOGGER: &str = "wrapyfi_rs";
 pub(crate) fn start() {
     logging::start_to(LOGGER, |level, logger, text| {
         let mut queue = QUEUE.lock().unwrap_or_else(PoisonError::into_inner);
-        queue.push((level.as_str(), logger.to_owned(), text));
+        queue.push((level.as_str(), logger.to_owned(), text.to_owned()));
         drop(queue);
         NOT_EMPTY.notify_one();
     });
