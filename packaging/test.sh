@@ -180,7 +180,7 @@ wheel() {
         pip install --quiet --no-index --no-deps --force-reinstall "$0"
         timeout 60 sh -c "until wrapyfi top --once | grep zeromq:/camera; do sleep 0.1; done"
         kill $bridge && wait $bridge' "$wheel" >"$root/tmp/over" 2>&1 || { cat "$root/tmp/over" "$root/tmp/over.log" >&2; fail "an installation over a bridge that runs"; }
-    inside pipx run --quiet --spec "$wheel" wrapyfi-ros2 --version >"$root/tmp/pipx.log" 2>&1 || { cat "$root/tmp/pipx.log" >&2; fail "pipx run"; }
+    inside pipx run --spec "$wheel" wrapyfi-ros2 --version >"$root/tmp/pipx.log" 2>&1 || { cat "$root/tmp/pipx.log" >&2; fail "pipx run"; }
     rm -rf "$root"/root/.{cache,local}
     local platform
     for platform in manylinux_2_17_x86_64 manylinux_2_17_aarch64 musllinux_1_2_x86_64 manylinux_2_36_armv7l; do
