@@ -82,6 +82,7 @@ mod cyclone_endpoints;
 mod cyclone_graph;
 mod cyclone_service;
 mod dds_terms;
+mod describing;
 mod diagnosis;
 mod discovery;
 mod discovery_info;
@@ -159,11 +160,11 @@ use graph::GraphError;
 use listener::Ros2Listener;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
-use wrapyfi_data::types::{MessageType, RosAction};
+use wrapyfi_data::types::{MessageType, RosAction, ServiceKind};
 use wrapyfi_endpoint::{
     ActionClient, ActionServer, ActionSpec, Client, Context, DiscoverError, Discovered, Discovery,
-    LearnError, LearnResult, Listener, Middleware, OpenError, Opened, Publisher, RoutingProperties,
-    Server, ServiceSpec, TopicSpec, action_of_name,
+    LearnError, LearnResult, Listener, Middleware, OpenError, Opened, Publisher, Role,
+    RoutingProperties, Server, ServiceSpec, TopicSpec, action_of_name,
 };
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -186,6 +187,9 @@ impl Middleware for Ros2 {
             let opened = PropertiesListener::open(self, spec, context);
             return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
         }
+        if let MessageType::Ros(kind) = spec.message_type {
+            self.carries(Role::Listener, kind.resolved());
+        }
         let topic = self.describe(spec)?;
         let listener = Ros2Listener::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -197,6 +201,9 @@ impl Middleware for Ros2 {
             let opened = PropertiesPublisher::open(self, spec, context);
             return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
         }
+        if let MessageType::Ros(kind) = spec.message_type {
+            self.carries(Role::Publisher, kind.resolved());
+        }
         let topic = self.describe(spec)?;
         let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -204,19 +211,27 @@ impl Middleware for Ros2 {
     }
 
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
+        if let ServiceKind::Ros(kind) = spec.kind {
+            self.carries(Role::Client, kind.resolved());
+        }
         Ok(Box::new(service::Ros2Client::open(self, spec, service::depth(spec), context)?))
     }
 
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
+        if let ServiceKind::Ros(kind) = spec.kind {
+            self.carries(Role::Server, kind.resolved());
+        }
         Ok(Box::new(service::Ros2Server::open(self, spec, service::depth(spec), context)?))
     }
 
     fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {
+        self.carries(Role::ActionClient, spec.kind.resolved());
         let spec = self.resolved(spec)?;
         Ok(Box::new(action_client::PartsClient::open(self, &spec, context)?))
     }
 
     fn open_action_server(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionServer> {
+        self.carries(Role::ActionServer, spec.kind.resolved());
         let spec = self.resolved(spec)?;
         Ok(Box::new(action_server::PartsServer::open(self, &spec, context)?))
     }

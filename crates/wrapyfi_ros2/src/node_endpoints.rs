@@ -12,6 +12,7 @@
 
 mod work;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -21,12 +22,12 @@ use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
 use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message, Service, ServiceHashes};
 
-use self::work::{Answers, Served, Work};
+use self::work::{Answers, Served, Topics, Work};
 use super::graph::{
     Graph, GraphError, GraphResult, Notify, ServiceDescription, TopicDescription, ringing,
 };
 use super::node_handle::{NodeHandle, NodeState};
-use wrapyfi_endpoint::{Durability, History, Qos, Reliability, Throttle};
+use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
 use wrapyfi_node::logger_services::{LoggerService, Loggers};
 use wrapyfi_node::parameters::{ParameterService, ParameterStore};
 use wrapyfi_node::type_description::TypeDescriptions;
@@ -72,40 +73,58 @@ impl NodeEndpoints {
             let (kind, depth) = ((service.type_name(), service.hashes()), ParameterService::DEPTH);
             (service.name(), kind, depth, Answers::Parameters(service))
         });
-        type S = GetTypeDescription;
-        let kind = (S::ROS_TYPE, ServiceHashes::of::<S>());
-        let types = (TypeDescriptions::SERVICE, kind, TypeDescriptions::DEPTH, Answers::Types);
         let levels = loggers.into_iter().flat_map(|loggers| {
             LoggerService::ALL.map(|service| {
                 let (kind, depth) = ((service.type_name(), service.hashes()), LoggerService::DEPTH);
                 (service.name(), kind, depth, Answers::Loggers(service, Arc::clone(loggers)))
             })
         });
-        let offered = parameters.into_iter().chain(describes.then_some(types)).chain(levels);
+        let types = describes.then(types_service);
+        let offered = parameters.into_iter().chain(types).chain(levels);
         let serve = |(name, kind, depth, answers)| {
             let described = description(&format!("{node}/{name}"), kind, depth);
-            serve(graph.as_ref(), &described, answers, bell())
+            match serve(graph.as_ref(), &described, answers, bell()) {
+                Ok(served) => Some(served),
+                Err(error) => {
+                    tracing::error!(%error, "the node has no {}", described.name);
+                    None
+                }
+            }
         };
         let servers: Vec<Served> = offered.filter_map(serve).collect();
         let offers_loggers = loggers.is_some();
         tracing::debug!(%node, services = servers.len(), "parameters, log and clock offered");
-        let leave = Arc::new(AtomicBool::new(false));
-        let mut work = Work {
-            shared: Arc::clone(&shared),
-            graph: Arc::clone(graph),
-            rosout,
-            events,
-            servers,
-            clock: None,
-            describes: false,
-            watch,
-            complaints: Throttle::default(),
-            clock_complaints: Throttle::default(),
-        };
+        let topics = Some(Topics { rosout, events });
+        let mut work = Work::new(&shared, graph, topics, servers, watch);
         if describes {
             work.describe_own_types(offers_loggers);
         }
         work.follow_clock();
+        Self::run(work, shared)
+    }
+
+    /// Offers the descriptions of types alone, for a node without parameters.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses the service, or there can be no thread.
+    pub(super) fn describing(graph: &Arc<dyn Graph>) -> GraphResult<Self> {
+        let node = graph.node();
+        let store = ParameterStore::new(node, BTreeMap::new());
+        let mut store =
+            store.map_err(|error| GraphError::stack("describing types", &node.fqn(), &error))?;
+        let wake = wrapyfi_endpoint::Wake::new();
+        let watch = store.watch(&[], &wake);
+        let shared = Arc::new(NodeState::new(store, RosTime::new(false), wake));
+        let (name, kind, depth, answers) = types_service();
+        let described = description(&format!("{}/{name}", node.fqn()), kind, depth);
+        let served = serve(graph.as_ref(), &described, answers, ringing(&shared.wake))?;
+        Self::run(Work::new(&shared, graph, None, vec![served], watch), shared)
+    }
+
+    /// Starts the thread of the work.
+    fn run(mut work: Work, shared: Arc<NodeState>) -> GraphResult<Self> {
+        let node = work.graph.node().fqn();
+        let leave = Arc::new(AtomicBool::new(false));
         let leave_of_thread = Arc::clone(&leave);
         let thread = std::thread::Builder::new()
             .name("wrapyfi node".into())
@@ -132,20 +151,22 @@ impl Drop for NodeEndpoints {
     }
 }
 
-/// One service of the node, where the DDS stack does not refuse it.
+/// The service that describes types: its name, type, depth and answers.
+fn types_service() -> (&'static str, (&'static str, ServiceHashes), u32, Answers) {
+    type S = GetTypeDescription;
+    let kind = (S::ROS_TYPE, ServiceHashes::of::<S>());
+    (TypeDescriptions::SERVICE, kind, TypeDescriptions::DEPTH, Answers::Types)
+}
+
+/// One service of the node.
 fn serve(
     graph: &dyn Graph,
     described: &ServiceDescription,
     answers: Answers,
     bell: Notify,
-) -> Option<Served> {
-    match graph.server(described, bell) {
-        Ok(server) => Some(Served::new(answers, server, &described.name)),
-        Err(error) => {
-            tracing::error!(%error, "the node has no {}", described.name);
-            None
-        }
-    }
+) -> GraphResult<Served> {
+    let server = graph.server(described, bell)?;
+    Ok(Served::new(answers, server, &described.name))
 }
 
 fn description(

@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use super::adapter::Joined;
+use super::describing::Describing;
 use super::diagnosis::Names;
 use super::graph::{Graph, TopicDescription};
 use wrapyfi_endpoint::codec::ros;
-use wrapyfi_endpoint::{ActionSpec, OpenError, OpenResult, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{ActionSpec, OpenError, OpenResult, Role, ServiceSpec, TopicSpec};
+use wrapyfi_interfaces::store::ResolvedType;
 use wrapyfi_node::NodeName;
 
 /// Name of this middleware in addresses.
@@ -23,6 +25,8 @@ pub struct Ros2 {
     pub(super) names: Arc<Names>,
     remap: Remap,
     pub(super) carried_by: Option<Arc<str>>,
+    /// `None` where the program offers the descriptions of types itself.
+    describing: Option<Arc<Describing>>,
 }
 
 impl Ros2 {
@@ -34,7 +38,8 @@ impl Ros2 {
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { names: Names::new(&graph), graph, remap: Arc::new(remap), carried_by: None }
+        let (names, remap) = (Names::new(&graph), Arc::new(remap));
+        Self { names, graph, remap, carried_by: None, describing: None }
     }
 
     /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
@@ -44,6 +49,25 @@ impl Ros2 {
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
         Self { carried_by: Some(joined.carried_by.into()), ..Self::new(joined.graph, remap) }
+    }
+
+    /// Has the node describe types that its endpoints have, for a program that offers no [`NodeEndpoints`] on the graph.
+    ///
+    /// [`NodeEndpoints`]: super::NodeEndpoints
+    #[must_use]
+    pub(super) fn describing(self) -> Self {
+        Self { describing: Some(Arc::default()), ..self }
+    }
+
+    /// Takes note that an endpoint of this node has a type.
+    pub(super) fn carries(&self, role: Role, resolved: &ResolvedType) {
+        // A hidden node is one of a command: what it hears or calls it was told by another node, or by its user.
+        let is_hidden = self.graph.node().name().starts_with('_');
+        if let Some(describing) = &self.describing
+            && (role.is_provider() || !is_hidden)
+        {
+            describing.carries(&self.graph, resolved);
+        }
     }
 
     /// Name of what carries the graph, and why it was chosen; `None` where nothing was chosen.

@@ -33,6 +33,9 @@ pub struct Ros2Settings {
     pub adapter: Option<Adapter>,
     /// Name of the node for security, `/` where it has none.
     pub enclave: String,
+    /// True where the node itself describes the types of its endpoints that not every program of ours has; false for a
+    /// program that has all services of a node, [`NodeEndpoints`](super::NodeEndpoints).
+    pub describes_types: bool,
     /// Variables of ROS 2 as they were read.
     environment: Environment,
     remap: Arc<Remap>,
@@ -52,7 +55,8 @@ impl Ros2Settings {
         let cyclone = CycloneConfig::from_environment(node.clone(), &environment);
         let expand = move |topic: &str| node.expand(topic).map_err(|error| error.to_string());
         let (adapter, enclave) = (None, "/".to_owned());
-        Ok(Self { cyclone, adapter, enclave, environment, remap: Arc::new(expand) })
+        let (describes_types, remap) = (true, Arc::new(expand));
+        Ok(Self { cyclone, adapter, enclave, describes_types, environment, remap })
     }
 
     /// Sets the rule that gives topics their names.
@@ -84,7 +88,7 @@ impl MiddlewareSettings for Ros2Settings {
     type Middleware = Ros2;
 
     fn start(&self) -> Result<Ros2, StartError> {
-        let Self { cyclone, adapter, enclave, environment, remap } = self.clone();
+        let Self { cyclone, adapter, enclave, describes_types, environment, remap } = self.clone();
         environment.log();
         let joined = join(&cyclone, &environment, adapter, &enclave);
         let is_refused = |error: &JoinError| match error {
@@ -99,6 +103,7 @@ impl MiddlewareSettings for Ros2Settings {
             _ => true,
         };
         let joined = joined.map_err(|error| StartError::of(&error, is_refused(&error), false))?;
-        Ok(Ros2::joined(joined, move |topic| remap(topic)))
+        let ros2 = Ros2::joined(joined, move |topic| remap(topic));
+        Ok(if describes_types { ros2.describing() } else { ros2 })
     }
 }

@@ -174,30 +174,41 @@ pub(crate) fn of_topic<T>(
 /// Adds the type of an endpoint to `types` as its node describes it: a bridge knows types that it has learned elsewhere.
 /// Blocks for as long as that takes; nothing where the node does not say.
 pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &mut TypeStore) {
-    let (Some(node), Some(name), Some(hash)) = (&one.node, &one.type_name, &one.type_hash) else {
-        return;
-    };
-    let told = || -> anyhow::Result<ResolvedType> {
-        let kind = ServiceKind::Ros(RosService::of::<GetTypeDescription>()?);
-        let service = format!("{node}/{}", TypeDescriptions::SERVICE);
-        let spec = ServiceSpec::new(&service, kind);
-        let mut client = middleware.open_client(&spec, &Context::default())?;
-        let fields = Map::from([
-            ("type_name", Value::from(name.as_str())),
-            ("type_hash", Value::from(hash.as_str())),
-            ("include_type_sources", Value::from(false)),
-        ]);
-        let reply = client.call(&Request::default().with(fields), DESCRIBED_WITHIN)?;
-        let Payload::RosMessage(message) = &reply.payload else {
-            anyhow::bail!("{service} answered otherwise");
-        };
-        let reply = GetTypeDescription_Response::decode(&message.cdr, MAX_DESCRIPTION_BYTES)?;
-        Ok(ResolvedType::from_description(&reply.type_description)?)
-    };
-    match told() {
+    match description_of(middleware, one) {
         Ok(described) => types.add_resolved(&described),
-        Err(error) => tracing::debug!(node, "{name} is not described: {error:#}"),
+        Err(error) => tracing::debug!("a type is not described: {error:#}"),
     }
+}
+
+/// The type of an endpoint as its node describes it. Blocks for as long as that takes.
+///
+/// # Errors
+/// When the endpoint tells too little to ask, or the node does not say.
+pub(crate) fn description_of(
+    middleware: &dyn Middleware,
+    one: &Discovered,
+) -> anyhow::Result<ResolvedType> {
+    let (Some(node), Some(name), Some(hash)) = (&one.node, &one.type_name, &one.type_hash) else {
+        anyhow::bail!("{} announces no node, or its type without a hash", one.name);
+    };
+    let kind = ServiceKind::Ros(RosService::of::<GetTypeDescription>()?);
+    let service = format!("{node}/{}", TypeDescriptions::SERVICE);
+    let spec = ServiceSpec::new(&service, kind);
+    let mut client = middleware.open_client(&spec, &Context::default())?;
+    let fields = Map::from([
+        ("type_name", Value::from(name.as_str())),
+        ("type_hash", Value::from(hash.as_str())),
+        ("include_type_sources", Value::from(false)),
+    ]);
+    let reply = client.call(&Request::default().with(fields), DESCRIBED_WITHIN)?;
+    let Payload::RosMessage(message) = &reply.payload else {
+        anyhow::bail!("{service} answered otherwise");
+    };
+    let reply = GetTypeDescription_Response::decode(&message.cdr, MAX_DESCRIPTION_BYTES)?;
+    if !reply.successful {
+        anyhow::bail!("{node} does not describe {name}: {}", reply.failure_reason);
+    }
+    Ok(ResolvedType::from_description(&reply.type_description)?)
 }
 
 /// True when no later look brings a type: a publisher is there, and it will not tell.

@@ -49,7 +49,7 @@ pub(crate) use self::drivers::{
 };
 pub use self::endpoints::{Endpoints, SectionNames};
 use self::endpoints::{failure, of_start, start};
-pub(crate) use self::learn::{LearnTopicError, described, of_topic};
+pub(crate) use self::learn::{LearnTopicError, described, description_of, of_topic};
 pub(crate) use self::load::route_facts;
 pub use self::load::{Loaded, Undefined, load, load_and_learn, load_noting, load_text};
 pub use self::observe::{Observer, observer, ros1_observer, ros2_elsewhere, ros2_hidden};
@@ -90,7 +90,10 @@ impl Middlewares {
         if plan.uses(ros2::NAME) {
             let largest = plan.largest_message_on(ros2::NAME);
             let settings = endpoints.ros2().settings(node.name(), &node.args, largest);
-            let ros2 = settings.map_err(failure)?.start();
+            let mut settings = settings.map_err(failure)?;
+            // It offers all services of a node.
+            settings.describes_types = false;
+            let ros2 = settings.start();
             let ros2 = ros2.map_err(|error| of_start(ros2::NAME, error))?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
             middlewares.registry.register(Arc::new(ros2));

@@ -145,18 +145,8 @@ fn work(script: &Script) -> (Work, NodeHandle) {
     let end = || Box::new(ScriptedEndpoint(Script::default()));
     let server =
         Served::new(Answers::Types, Box::new(ScriptedEndpoint(Arc::clone(script))), "/service");
-    let work = Work {
-        shared: Arc::clone(&shared),
-        graph,
-        rosout: end(),
-        events: end(),
-        servers: vec![server],
-        clock: None,
-        describes: false,
-        watch,
-        complaints: Throttle::default(),
-        clock_complaints: Throttle::default(),
-    };
+    let topics = Topics { rosout: end(), events: end() };
+    let work = Work::new(&shared, &graph, Some(topics), vec![server], watch);
     (work, NodeHandle(shared))
 }
 

@@ -62,11 +62,17 @@ impl Served {
     }
 }
 
+/// Topics on which the node tells of itself.
+pub(super) struct Topics {
+    pub(super) rosout: Box<dyn CdrWriter>,
+    pub(super) events: Box<dyn CdrWriter>,
+}
+
 pub(super) struct Work {
     pub(super) shared: Arc<NodeState>,
     pub(super) graph: Arc<dyn Graph>,
-    pub(super) rosout: Box<dyn CdrWriter>,
-    pub(super) events: Box<dyn CdrWriter>,
+    /// `None` for a node that only describes types.
+    pub(super) topics: Option<Topics>,
     pub(super) servers: Vec<Served>,
     pub(super) clock: Option<Box<dyn CdrReader>>,
     /// True once the type of the clock counts as used.
@@ -78,6 +84,26 @@ pub(super) struct Work {
 }
 
 impl Work {
+    pub(super) fn new(
+        shared: &Arc<NodeState>,
+        graph: &Arc<dyn Graph>,
+        topics: Option<Topics>,
+        servers: Vec<Served>,
+        watch: ParameterWatch,
+    ) -> Self {
+        Self {
+            shared: Arc::clone(shared),
+            graph: Arc::clone(graph),
+            topics,
+            servers,
+            clock: None,
+            describes: false,
+            watch,
+            complaints: Throttle::default(),
+            clock_complaints: Throttle::default(),
+        }
+    }
+
     pub(super) fn run(&mut self, leave: &AtomicBool) {
         // Log lines of this thread must not come back to it as work.
         in_node_thread();
@@ -167,13 +193,14 @@ impl Work {
 
     /// Publishes what changed and what was logged.
     fn publish(&mut self) {
+        let Some(Topics { rosout, events }) = &mut self.topics else { return };
         let stamp = self.shared.now();
         let changed = self.shared.store().take_events(stamp);
         for event in changed {
-            send(self.events.as_mut(), &event.encode());
+            send(events.as_mut(), &event.encode());
         }
         for (stamp, line) in self.shared.take_lines() {
-            send(self.rosout.as_mut(), &line.to_message(stamp).encode());
+            send(rosout.as_mut(), &line.to_message(stamp).encode());
         }
     }
 
