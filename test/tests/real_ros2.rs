@@ -398,15 +398,19 @@ fn launch_starts_the_bridge(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let config = env.embedded().route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
     let file = env.write("routes.yaml", config.yaml())?;
     let argument = format!("config_file:={}", file.display());
-    let mut launch =
-        ros.ros2(&["launch", "wrapyfi", "bridge.launch.py", &argument, "namespace:=lab"])?;
-    ros.seen(&["node", "list"], |said| said.lines().any(|line| line.starts_with("/lab/")))
-        .map_err(|error| error.context(launch.tail()))?;
-    ros.seen(&["topic", "list"], |said| said.contains(&topic))?;
-    launch.terminate()?;
-    launch.exit_code()?;
-    let said = launch.stdout() + &launch.stderr();
-    assert!(!said.contains("process has died"), "{said}");
+    for kind in ["py", "xml", "yaml"] {
+        let (launch, namespace) =
+            (format!("bridge.launch.{kind}"), format!("namespace:=lab_{kind}"));
+        let mut launch = ros.ros2(&["launch", "wrapyfi", &launch, &argument, &namespace])?;
+        let node = format!("/lab_{kind}/");
+        ros.seen(&["node", "list"], |said| said.lines().any(|line| line.starts_with(&node)))
+            .map_err(|error| error.context(launch.tail()))?;
+        ros.seen(&["topic", "list"], |said| said.contains(&topic))?;
+        launch.terminate()?;
+        launch.exit_code()?;
+        let said = launch.stdout() + &launch.stderr();
+        assert!(!said.contains("process has died"), "{said}");
+    }
     Ok(())
 }
 
