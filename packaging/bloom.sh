@@ -36,5 +36,8 @@ for package in wrapyfi_core wrapyfi_bridge wrapyfi; do
         ;;
     esac
 done
+for package in wrapyfi wrapyfi_bridge wrapyfi_core wrapyfi_msgs wrapyfi_py; do
+    python3 scripts/changelog.py "$package" >"$made/packages/$package/CHANGELOG.rst"
+done
 tar --create --sort name --mtime "@$SOURCE_DATE_EPOCH" --owner 0 --group 0 --numeric-owner --hard-dereference \
     --directory "$made/packages" . | gzip -9n >"$file"

@@ -91,3 +91,26 @@ fn every_command_is_in_the_reference() -> Result {
         Ok(())
     })
 }
+
+/// `bloom` reads the changelog of a package as reStructuredText with a list below each version.
+#[test]
+fn the_changelog_has_a_form_for_the_tools_of_ros() -> Result {
+    run("the_changelog_has_a_form_for_the_tools_of_ros", PROGRAM, |env| {
+        let script = repository().join("scripts/changelog.py");
+        let mut made = env.shell(&format!("python3 {} wrapyfi_bridge", script.display()))?;
+        made.exits_with(0)?;
+        let text = made.stdout();
+        let mut lines = text.lines();
+        let title = "Changelog for package wrapyfi_bridge";
+        let line = "^".repeat(title.len());
+        assert_eq!(
+            [lines.next(), lines.next(), lines.next()],
+            [Some(&*line), Some(title), Some(&*line)]
+        );
+        let items = text.lines().filter(|line| line.starts_with("* ")).count();
+        let written = read("CHANGELOG.md")?;
+        assert_eq!(items, written.lines().filter(|line| line.starts_with("- ")).count());
+        assert!(!text.contains("]("), "links are words: {text}");
+        Ok(())
+    })
+}
