@@ -23,10 +23,12 @@ impl Route {
 
     /// A route of a service with its server at one endpoint, offered at another.
     pub fn service(service: &str, offered: &str, kind: &str) -> Self {
-        Self { pairs: Vec::new() }
-            .with("service", &quoted(service))
-            .with("as", &quoted(offered))
-            .with("type", &quoted(kind))
+        Self::untyped_service(service, offered).with("type", &quoted(kind))
+    }
+
+    /// A route of a service whose type its server has to tell.
+    pub fn untyped_service(service: &str, offered: &str) -> Self {
+        Self { pairs: Vec::new() }.with("service", &quoted(service)).with("as", &quoted(offered))
     }
 
     /// A route of an action with its server at one endpoint, offered at another; its type is learned.

@@ -353,6 +353,78 @@ fn ros1() -> Result {
     })
 }
 
+/// From a `roscore` with a package of its own to the bridge's end.
+#[test]
+fn from_ros1() -> Result {
+    run("from_ros1", &[Need::Program, Need::Ros1], |env| {
+        let roscore = env.roscore()?;
+        let mut guide = Guide::read("docs/from-ros1.md")?;
+        guide.replace("11311", &env.ros_port().to_string())?;
+        let folder =
+            env.definitions(&[("my_robot_msgs/msg/Joint.msg", "float64 angle # in radians\n")])?;
+        let node = |topic: &str, kind: &str, value: &str| {
+            let args = format!(
+                "publish --topic {topic} --type {kind} --node {} --definitions {folder}",
+                topic.trim_start_matches('/')
+            );
+            let node = env.rospy(&args, Some(value))?;
+            node.event("ready")?;
+            Ok::<_, anyhow::Error>(node)
+        };
+        let joint = node("/joint", "my_robot_msgs/Joint", r#"{"angle": 0.5}"#)?;
+        let args = format!(
+            "subscribe --topic /joint --type my_robot_msgs/Joint --node ear --definitions {folder}"
+        );
+        let ear = env.rospy(&args, None)?;
+        ear.messages(1)?;
+
+        let [master, list, survey] = guide.lines("wrapyfi survey ros:")?;
+        export(env, &master);
+        until(env, &list, &["/joint", "my_robot_msgs/Joint"])?;
+        done(env, &survey)?;
+        let [check, bridge, in_ros2] = guide.lines("wrapyfi bridge --config survey.yaml")?;
+        done(env, &check)?;
+        let bridge = starts(env, &bridge)?;
+        until(env, &in_ros2, &["/joint", "my_robot_msgs/msg/Joint"])?;
+        let [types] = guide.lines("wrapyfi export ros:")?;
+        done(env, &types)?;
+        let text = std::fs::read_to_string(env.path("src/my_robot_msgs/msg/Joint.msg"))?;
+        assert_eq!(text, "\n# in radians\nfloat64 angle\n");
+        guide.pass_over(
+            "colcon build",
+            "`types_of_rospy_nodes_become_a_package_that_colcon_builds` does it",
+        )?;
+
+        drop(joint);
+        let routes = std::fs::read_to_string(env.path("survey.yaml"))?;
+        let back = "  # - { from: \"ros2:/joint\"";
+        assert!(routes.contains(back), "{routes}");
+        env.write("new.yaml", routes.replace(back, "  - { from: \"ros2:/joint\""))?;
+        let [against] = guide.lines("--against survey.yaml")?;
+        assert!(done(env, &against)?.contains("ros2:/joint"), "{against:?}");
+        std::fs::rename(env.path("new.yaml"), env.path("survey.yaml"))?;
+        let moved = "wrapyfi pub ros2:/joint --type my_robot_msgs/msg/Joint --definitions src --value '{\"angle\": 1.5}' --rate 20";
+        let _moved = env.shell(moved)?;
+        ear.wait_until("the node that has moved", |output| {
+            let mut all = output.events("message").into_iter();
+            all.find(|one| one["value"]["angle"] == 1.5).map(drop)
+        })
+        .map_err(|error| error.context(bridge.tail()))?;
+        let [top, why] = guide.lines("wrapyfi top --once")?;
+        assert!(done(env, &top)?.contains("ros2:/joint"));
+        let mut why = env.shell(&why.command)?;
+        why.exits_with(1)?;
+        assert!(why.stdout().contains("nobody publishes ros2:/scan"), "{}", why.tail());
+
+        drop(ear);
+        let [left] = guide.lines("no endpoint of another node")?;
+        let told = done(env, &left)?;
+        assert!(!told.contains("/ear"), "{told}");
+        drop((bridge, roscore));
+        guide.is_done()
+    })
+}
+
 #[test]
 fn ros1_base_and_ros2_navigation() -> Result {
     run("ros1_base_and_ros2_navigation", &[Need::Program, Need::Ros1], |env| {

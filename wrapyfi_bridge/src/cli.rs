@@ -13,6 +13,7 @@ use crate::top::routes::Sort;
 pub use crate::action_cli::{
     ActionCommand, ActionEndpoint, ActionInfoArgs, ActionSendArgs, ActionServeArgs,
 };
+pub use crate::migration_cli::{ExportArgs, SurveyArgs};
 pub use crate::type_names::{ServiceName, TypeName};
 
 /// Wrapyfi for ROS 2: native objects, arrays, images, sound and messages of any type between ZeroMQ, YARP,
@@ -72,6 +73,10 @@ pub enum Command {
     /// Send, serve, cancel and list goals of actions.
     #[command(subcommand)]
     Action(ActionCommand),
+    /// Write a report of a graph of ROS 1 for the move to ROS 2, and routes to start from.
+    Survey(SurveyArgs),
+    /// Write the types that nodes show as an interface package of ROS 2, which colcon builds.
+    Export(ExportArgs),
     /// Run the ZeroMQ brokers at which Wrapyfi's publishers and listeners, clients and servers meet.
     Broker(BrokerArgs),
     /// Run a YARP name server, for YARP's tools, ports and Wrapyfi's scripts on YARP.

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //!   program ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why, top}
+//!           ├▶ survey, export
 //!           └▶ node_main ─▶ command::bridge         `ros2 run wrapyfi_bridge bridge`
 //!                       └▶ middleware_bridge        all of a middleware, without a configuration
 //!
@@ -13,6 +14,9 @@
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
+//!   learned   types of a whole graph of ROS
+//!   export    interface packages from them
+//!   survey    a report of it, and routes to start from
 //!   why       the first thing that is missing on a way, from facts
 //!   top       the routes of a bridge on a terminal
 //!   on_graph  diagnostics and services of a bridge that runs
@@ -40,14 +44,17 @@ pub mod describe;
 pub mod discovery_watch;
 pub mod edits;
 pub mod exit;
+pub mod export;
 pub mod files;
 pub mod in_force;
 pub mod input;
+pub mod learned;
 pub mod lifecycle;
 pub mod lines;
 pub mod logging;
 pub mod middleware_bridge;
 pub mod middlewares;
+mod migration_cli;
 pub mod near_names;
 pub mod node;
 pub mod node_main;
@@ -63,6 +70,7 @@ pub mod reload;
 pub mod shutdown;
 pub mod sros2;
 pub mod status_line;
+pub mod survey;
 pub mod top;
 mod type_names;
 pub mod visible;

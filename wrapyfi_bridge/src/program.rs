@@ -11,7 +11,7 @@ use wrapyfi_endpoint::driver::Driver;
 use crate::cli::{ActionCommand, Cli, Command};
 use crate::exit::{Failure, Result, finish};
 use crate::shutdown::Shutdown;
-use crate::{aborted, command, files, logging, middlewares, node_main};
+use crate::{aborted, command, export, files, logging, middlewares, node_main, survey};
 
 /// The `wrapyfi` command with these middlewares: `bridge`, `check`, `list`, `echo`, `pub`, `why`, `top` and the others know
 /// each of them by its name. A program with a middleware of its own is
@@ -50,7 +50,14 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<()> {
     let level = match (&cli.log_level, &cli.command) {
         (Some(level), _) => level,
         (None, Command::Yarpserver(args)) if args.silent => "warn",
-        (None, Command::Echo(_) | Command::List(_) | Command::Call(_)) => "warn",
+        (
+            None,
+            Command::Echo(_)
+            | Command::List(_)
+            | Command::Call(_)
+            | Command::Export(_)
+            | Command::Survey(_),
+        ) => "warn",
         (None, Command::Action(command)) if !matches!(command, ActionCommand::Serve(_)) => "warn",
         // What it finds is said in its answer.
         (None, Command::Why(_) | Command::Top(_)) => "error",
@@ -71,6 +78,8 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<()> {
         Command::Call(args) => command::service::call::run(args, &shutdown),
         Command::Serve(args) => command::service::serve::run(args, &shutdown),
         Command::Action(command) => command::action::run(command, &shutdown),
+        Command::Survey(args) => survey::run(args, &shutdown),
+        Command::Export(args) => export::run(args, &shutdown),
         Command::Broker(args) => shutdown.outcome(command::broker::run(args, &shutdown)),
         Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),

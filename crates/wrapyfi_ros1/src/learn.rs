@@ -48,6 +48,11 @@ pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
     type_info(core, found).ok().map(|told| told.latches)
 }
 
+/// Name of the type that the node at the other end has told, as ROS 1 writes it.
+pub(super) fn told_type(core: &Arc<Core>, found: &Discovered) -> Option<String> {
+    type_info(core, found).ok().map(|told| told.type_name)
+}
+
 /// The ROS 2 type of a topic.
 pub(super) fn topic(
     core: &Arc<Core>,

@@ -320,6 +320,29 @@ impl Ros1 {
         ask(&mut self.node.types())
     }
 
+    /// Address of the master.
+    #[doc(hidden)]
+    pub fn master_uri(&self) -> String {
+        self.node.master.uri.to_string()
+    }
+
+    /// Names of all parameters at the master, without the marks of bridges. Blocks until the master has answered.
+    ///
+    /// # Errors
+    /// When the master does not answer.
+    #[doc(hidden)]
+    pub fn parameter_names(&self) -> Result<Vec<String>, MasterError> {
+        let names = self.node.handle.block_on(self.node.master.param_names())?;
+        let is_mark = |name: &String| name.starts_with(marks::NAMESPACE);
+        Ok(names.into_iter().filter(|name| !is_mark(name)).collect())
+    }
+
+    /// Name on ROS 1 of the type that the publisher or server of an endpoint has told; `None` while it has not.
+    #[doc(hidden)]
+    pub fn told_type(&self, found: &Discovered) -> Option<String> {
+        learn::told_type(&self.node.core, found)
+    }
+
     fn resolve(&self, name: &str) -> OpenResult<String> {
         self.node
             .name

@@ -164,6 +164,11 @@ impl Master {
         self.ask_for("getTopicTypes", []).await
     }
 
+    /// Names of all parameters.
+    pub(super) async fn param_names(&self) -> MasterResult<Vec<String>> {
+        self.ask_for("getParamNames", []).await
+    }
+
     /// The value of a parameter, or of all below a name; `None` where there is none.
     pub(super) async fn get_param(&self, key: &str) -> MasterResult<Option<Value>> {
         let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;

@@ -1,0 +1,140 @@
+//! The configuration to start from: a route for each topic, service and action, the other direction beside it.
+
+use std::fmt::Write as _;
+
+use wrapyfi_endpoint::Interaction;
+
+use super::facts::{Entry, Facts};
+use crate::visible::escaped;
+
+/// Topics that a bridge has no use for: what rosout has gathered is in `/rosout`.
+const LEFT_OUT: &[&str] = &["/rosout_agg"];
+/// Messages of this size in bytes fill a queue that nobody needs.
+const LARGE: u64 = 1 << 20;
+
+/// The configuration. Types are learned from the nodes, so that none is written.
+pub(super) fn routes(facts: &Facts, report: &str) -> String {
+    let mut text = format!(
+        "# Routes of what {} had, to start from: {}. Check them with `wrapyfi check`.\n\
+         # Types are learned from the nodes. A line that begins with # is off.\n\
+         endpoints:\n  ros: {{ master_uri: {} }}\n\nroutes:\n",
+        escaped(&facts.master),
+        escaped(report),
+        quoted(&facts.master),
+    );
+    let taken = facts.taken_names();
+    for (interaction, title) in [
+        (
+            Interaction::Topic,
+            "Topics; the second line is for the time when their publisher has moved",
+        ),
+        (Interaction::Service, "Services"),
+        (Interaction::Action, "Actions"),
+    ] {
+        let mut all = facts.of(interaction).filter(|entry| !is_of_ros1(entry, facts)).peekable();
+        if all.peek().is_some() {
+            let _infallible = writeln!(text, "  # {title}");
+        }
+        for entry in all {
+            let is_off = taken.contains_key(&(interaction, entry.name.as_str()))
+                || entry.name_fault().is_some();
+            route(&mut text, entry, is_off);
+        }
+    }
+    if !text.contains("\n  - ") {
+        // A file without routes is refused.
+        text.push_str("  # Nothing was there: all that comes.\n  - { from: \"ros:/(.*)\", to: \"ros2:/$1\" }\n");
+    }
+    text
+}
+
+/// True for what has no counterpart on ROS 2, or another one.
+fn is_of_ros1(entry: &Entry, facts: &Facts) -> bool {
+    let is_of_reconfigure = entry.is_reconfigure()
+        || entry.ros1_type.as_deref().is_some_and(|it| it.starts_with("dynamic_reconfigure/"));
+    let is_log = ["/get_loggers", "/set_logger_level"].iter().any(|it| entry.name.ends_with(it));
+    let is_service = entry.interaction == Interaction::Service;
+    is_of_reconfigure
+        || is_service && is_log
+        || LEFT_OUT.contains(&entry.name.as_str())
+        || entry.name == "/clock" && !facts.simulates_time
+}
+
+fn route(text: &mut String, entry: &Entry, is_off: bool) {
+    let (ros1, ros2) = (format!("ros:{}", entry.name), format!("ros2:{}", entry.ros2_name()));
+    let [source, destination] = entry.interaction.keys();
+    let extra = match (entry.name.as_str(), entry.traffic) {
+        ("/tf", _) => ", queue_depth: 100",
+        (_, Some(it)) if it.bytes >= LARGE => ", queue_depth: 2",
+        _ => "",
+    };
+    let mut line = |from: &str, to: &str, is_off: bool, comment: &str| {
+        let mark = if is_off { "# " } else { "" };
+        let (from, to) = (quoted(from), quoted(to));
+        let _infallible =
+            writeln!(text, "  {mark}- {{ {source}: {from}, {destination}: {to}{extra} }}{comment}");
+    };
+    let kind = entry.ros1_type.as_deref().map(|it| format!("  # {}", escaped(it)));
+    let kind = kind.unwrap_or_default();
+    if entry.interaction != Interaction::Topic {
+        return line(&ros1, &ros2, is_off, &kind);
+    }
+    let (is_published, is_heard) = (!entry.providers.is_empty(), !entry.takers.is_empty());
+    if is_published {
+        line(&ros1, &ros2, is_off, &kind);
+    }
+    // What only listens on ROS 1 hears nodes of ROS 2.
+    let is_both_ways = entry.name == "/tf";
+    if is_heard {
+        line(&ros2, &ros1, is_off || is_published && !is_both_ways, &kind);
+    }
+}
+
+/// A text of YAML in quotes: names from a network may have any letters.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::super::facts::tests::entry;
+    use super::*;
+    use crate::middlewares::load_text;
+
+    #[test]
+    fn a_bridge_takes_what_is_written() {
+        let mut heard = entry(Interaction::Topic, "/cmd_vel", "geometry_msgs/msg/Twist");
+        heard.takers = BTreeSet::from(["/base".to_owned()]);
+        heard.providers.clear();
+        let mut both = entry(Interaction::Topic, "/cam/1st", "demo/msg/Odd");
+        both.takers = BTreeSet::from(["/view".to_owned()]);
+        let entries = vec![
+            entry(Interaction::Topic, "/scan \"x\"", "sensor_msgs/msg/LaserScan"),
+            heard,
+            both,
+            entry(Interaction::Topic, "/rosout_agg", "rcl_interfaces/msg/Log"),
+            entry(Interaction::Service, "/go", "demo/srv/Go"),
+            entry(Interaction::Service, "/go/get_loggers", "roscpp/srv/GetLoggers"),
+            entry(Interaction::Action, "/move", "demo/action/Move"),
+        ];
+        let master = "http://base:11311".to_owned();
+        let facts = Facts { master, entries, ..Facts::default() };
+        let text = routes(&facts, "survey.md");
+        for line in [
+            "  - { from: \"ros2:/cmd_vel\", to: \"ros:/cmd_vel\" }  # geometry_msgs/Twist\n",
+            "  - { from: \"ros:/cam/1st\", to: \"ros2:/cam/_1st\" }  # demo/Odd\n",
+            "  # - { from: \"ros2:/cam/_1st\", to: \"ros:/cam/1st\" }  # demo/Odd\n",
+            "  - { service: \"ros:/go\", as: \"ros2:/go\" }",
+            "  - { action: \"ros:/move\", as: \"ros2:/move\" }",
+        ] {
+            assert!(text.contains(line), "{line}\n{text}");
+        }
+        assert!(!text.contains("get_loggers") && !text.contains("rosout_agg"), "{text}");
+        let text = text.replace("/scan \\\"x\\\"", "/scan");
+        assert_eq!(load_text(&text, "survey.yaml").unwrap().plan.routes.len(), 5, "{text}");
+        let none = routes(&Facts { master: facts.master, ..Facts::default() }, "survey.md");
+        assert_eq!(load_text(&none, "survey.yaml").unwrap().plan.routes.len(), 1, "{none}");
+    }
+}
