@@ -23,7 +23,10 @@ setup(
     install_requires=["numpy"],
     extras_require={"test": ["pytest"]},
     zip_safe=True,
-    entry_points={"ros2cli.command": ["wrapyfi = wrapyfi_py.command:WrapyfiCommand"]},
+    entry_points={
+        "ros2cli.command": ["wrapyfi = wrapyfi_py.command:WrapyfiCommand"],
+        "ros2doctor.checks": ["WrapyfiRoutesCheck = wrapyfi_py.doctor:RoutesCheck"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml"]),

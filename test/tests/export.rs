@@ -139,7 +139,7 @@ fn types_of_rospy_nodes_become_a_package_that_colcon_builds() -> Result {
         export.exits_with(0)?;
         let said = export.stdout();
         for line in [
-            "src/my_robot_msgs: 2 messages, 1 services, 1 actions; depends on action_msgs, builtin_interfaces, std_msgs",
+            "src/my_robot_msgs: 2 messages, 1 service, 1 action; depends on action_msgs, builtin_interfaces, std_msgs",
             "my_robot_msgs/msg/ArmState was my_robot_msgs/armState in ROS 1",
             "my_robot_msgs/msg/ArmState: field joint_angles was jointAngles in ROS 1",
             "my_robot_msgs/msg/ArmState: constant MAX_JOINTS was maxJoints in ROS 1",

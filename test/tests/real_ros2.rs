@@ -61,6 +61,7 @@ under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     launch_activates_the_bridge_as_a_lifecycle_node [Need::Ros2Package("launch_ros"), Need::Ros2Package("ros2lifecycle")];
     run_finds_the_nodes [Need::Ros2Package("ros2pkg"), Need::Ros2Package("ros2run")];
     ros2_wrapyfi_is_our_program [];
+    doctor_warns_of_what_a_bridge_waits_for [Need::Ros2Package("ros2doctor")];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
 }}
@@ -500,12 +501,36 @@ fn run_finds_the_nodes(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     check.exits_with(0)
 }
 
-/// With the registration of the package as `setup.py` writes it.
-fn ros2_wrapyfi_is_our_program(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+/// A copy of the package for Python with its registration as `setup.py` writes it, and its folder.
+fn registered(env: &TestEnv, ros: &RealRos2<'_>) -> Result<String> {
     let (package, copy) = (repository().join("wrapyfi_py"), env.path("wrapyfi_py"));
     let (package, copy) = (package.display(), copy.display());
     let install = format!("cp -r {package} {copy} && cd {copy} && python3 setup.py -q egg_info");
     ros.shell(&install)?.exits_with(0)?;
+    Ok(copy.to_string())
+}
+
+/// A route whose master is not there is a warning; one that nobody listens to rests.
+fn doctor_warns_of_what_a_bridge_waits_for(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let copy = registered(env, ros)?;
+    let (scan, text) = (env.topic("scan"), env.topic("text"));
+    let away = Route::untyped(&format!("ros:{scan}"), &ros2(&scan));
+    let rests = Route::new(&zeromq(&text), &ros2(&text), "Text");
+    let _bridge = bridge(env, ros, vec![away, rests])?;
+    let doctor = format!(
+        "until PYTHONPATH={copy}:$PYTHONPATH ros2 doctor > told 2>&1; grep '{scan}' told; do :; done; cat told"
+    );
+    let mut doctor = ros.shell(&doctor)?;
+    doctor.exits_with(0)?;
+    let told = doctor.stdout();
+    let line = told.lines().find(|line| line.contains(&scan)).unwrap_or_default();
+    assert!(line.contains("waiting for master"), "{told}");
+    assert!(!told.contains(&format!("{text}: ")), "{told}");
+    Ok(())
+}
+
+fn ros2_wrapyfi_is_our_program(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let copy = registered(env, ros)?;
     let command = format!("PYTHONPATH={copy}:$PYTHONPATH ros2 wrapyfi");
     let topic = env.topic("named");
     let publish = ["pub", &ros2(&topic), "--type", STRING, "--value", r#"{"data": "x"}"#];

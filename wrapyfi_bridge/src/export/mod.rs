@@ -133,11 +133,16 @@ fn write(
     };
     let folder = package::write(&args.output, package, &description, &files, &names)
         .map_err(Failure::usage)?;
-    let count = |kind: &str| files.iter().filter(|file| file.path.starts_with(kind)).count();
-    let [messages, services, actions] = ["msg/", "srv/", "action/"].map(count);
+    let count = |kind: &str, word: &str| {
+        let number = files.iter().filter(|file| file.path.starts_with(kind)).count();
+        format!("{number} {word}{}", if number == 1 { "" } else { "s" })
+    };
     output::line(&format!(
-        "{}: {messages} messages, {services} services, {actions} actions; depends on {}",
+        "{}: {}, {}, {}; depends on {}",
         folder.display(),
+        count("msg/", "message"),
+        count("srv/", "service"),
+        count("action/", "action"),
         if names.is_empty() { "nothing".to_owned() } else { names.join(", ") }
     ))?;
     files.iter().flat_map(|file| &file.changes).try_for_each(|change| output::line(change))

@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_endpoint::{Interaction, Role};
+use wrapyfi_interfaces::ros1::PairPlan;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use wrapyfi_ros1::{Registered, Ros1};
 
@@ -186,6 +187,6 @@ fn differences(ros1: &Ros1, interaction: Interaction, name: &str) -> Vec<String>
         let definition = types.definition(name).ok()?;
         types.plan(&definition).ok()
     });
-    let notes = plan.iter().flat_map(|plan| plan.notes()).filter(|note| note.is_loss());
+    let notes = plan.iter().flat_map(PairPlan::notes).filter(|note| note.is_loss());
     notes.map(ToString::to_string).collect()
 }
