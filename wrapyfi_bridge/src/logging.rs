@@ -254,7 +254,7 @@ pub fn write_to(middleware: &str, sink: Option<Box<dyn LogSink>>) {
     }
 }
 
-/// What is done with a line: its level, the name of its logger, and its text.
+/// Treatment of a line: its level, the name of its logger, and its text.
 type Take = dyn Fn(Level, &str, &str) + Send + Sync;
 
 /// Prints a line as nodes of ROS 2 do.
