@@ -84,7 +84,7 @@ fn unresolved_host() -> Result {
 
 #[test]
 fn missing_definition() -> Result {
-    let what = ["nobody here has a definition of demo/msg/Odd"];
+    let what = ["nobody here has a definition of geometry_msgs/msg/PolygonInstance"];
     is_named("missing_definition", NEEDS, "definition", &what, "definitions: [DIR]")
 }
 

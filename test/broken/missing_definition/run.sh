@@ -1,7 +1,5 @@
 #!/usr/bin/env bash
-# A node publishes a type of a package that only its own machine has.
+# A node publishes a type that only its own machine has, and does not describe it.
 source "$(dirname "$0")/../common.sh"
-mkdir -p "$scratch/there/demo/msg"
-echo "int32 number" >"$scratch/there/demo/msg/Odd.msg"
-start node "$wrapyfi" pub ros2:/odd --type demo/msg/Odd --definitions "$scratch/there" --value '{"number": 1}'
+publisher node --topic /odd --type geometry_msgs/msg/PolygonInstance --fields '{"polygon":{"points":[]},"id":1}'
 why odd "$@"
