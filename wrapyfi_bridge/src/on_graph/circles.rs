@@ -7,13 +7,13 @@
 //!
 //! A bridge that has no route on ROS 2 has no node there: a circle over it is not seen.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{MessageType, Payload, RosType};
 use wrapyfi_endpoint::{EndpointAddress, Listener, Qos, QueueSpec, Registry, Throttle, TopicSpec};
-use wrapyfi_engine::{BridgeRoutes, CarriedTopic, NetworkAddress};
+use wrapyfi_engine::{BridgeRoutes, CarriedTopic, CarryingRoute, NetworkAddress};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::std_msgs::msg::String as Text;
 
@@ -28,10 +28,15 @@ const MAX_BYTES: usize = 4 << 20;
 /// Most bridges that are listened to.
 const MAX_BRIDGES: usize = 256;
 
+/// Network of each middleware by its name, where it has one.
+type Networks = BTreeMap<String, Option<String>>;
+
 /// The bridge among others.
 pub(super) struct Circles {
     topic: Option<Topic>,
     listener: Option<Box<dyn Listener>>,
+    /// Routes at the last look, and the network of each of their middlewares: where they are the same, nothing is to be done.
+    seen: (Vec<CarryingRoute>, Networks),
     /// Routes as they were told last.
     own: BridgeRoutes,
     /// Other bridges by the number of their publisher.
@@ -61,6 +66,7 @@ impl Circles {
         Self {
             topic: own.open::<Text>(TOPIC, latched),
             listener: listener.ok(),
+            seen: Default::default(),
             own: BridgeRoutes { bridge, node, topics: Vec::new() },
             others: BTreeMap::new(),
             complaints: Throttle::default(),
@@ -73,9 +79,19 @@ impl Circles {
         let registry = bridge.routes.registry();
         let mut carrying = bridge.routes.carrying();
         carrying.sort_by(|one, other| one.key.cmp(&other.key));
+        let ends = carrying.iter().flat_map(|route| [&route.key.from, &route.key.to]);
+        let names: BTreeSet<&str> = ends.map(|end| end.middleware.as_str()).collect();
+        let networks: Networks =
+            names.into_iter().map(|name| (name.to_owned(), network(&registry, name))).collect();
+        let seen = (carrying, networks);
+        if !are_new && seen == self.seen {
+            return;
+        }
+        let (carrying, networks) = seen.clone();
+        self.seen = seen;
         let carried = carrying.into_iter().filter_map(|route| {
             let end = |address: &EndpointAddress| {
-                let network = network(&registry, &address.middleware)?;
+                let network = networks.get(&address.middleware)?.clone()?;
                 Some(NetworkAddress { address: bridge.node.resolve(address).to_string(), network })
             };
             let (from, to) = (end(&route.key.from)?, end(&route.key.to)?);

@@ -34,6 +34,17 @@ impl Diagnostics {
         Self { node, last: BTreeMap::new() }
     }
 
+    /// Notes which routes have received something since the last look.
+    pub fn note(&mut self, routes: &[RouteStatus], at: Instant) {
+        let mut before = std::mem::take(&mut self.last);
+        let noted = routes.iter().map(|route| {
+            let received = route.counters.received;
+            let same = before.remove(&route.name).filter(|(count, _)| *count == received);
+            (route.name.clone(), same.unwrap_or((received, at)))
+        });
+        self.last = noted.collect();
+    }
+
     /// Diagnostics of the routes, and of the middlewares with the reason that they wait for something.
     #[must_use]
     pub fn of(
@@ -43,7 +54,7 @@ impl Diagnostics {
         now: Stamp,
         at: Instant,
     ) -> DiagnosticArray {
-        self.last.retain(|name, _| routes.iter().any(|route| route.name == *name));
+        self.note(routes, at);
         let mut status: Vec<_> =
             middlewares.iter().map(|(name, away)| self.middleware(name, away.as_ref())).collect();
         for route in routes {
@@ -62,13 +73,10 @@ impl Diagnostics {
         self.status(level, name, message, cause.into_iter().collect())
     }
 
-    fn route(&mut self, route: &RouteStatus, at: Instant) -> DiagnosticStatus {
+    fn route(&self, route: &RouteStatus, at: Instant) -> DiagnosticStatus {
         let counters = &route.counters;
-        let last = self.last.entry(route.name.clone()).or_insert((counters.received, at));
-        if last.0 != counters.received {
-            *last = (counters.received, at);
-        }
-        let idle = at.saturating_duration_since(last.1);
+        let last = self.last.get(&route.name).map_or(at, |(_, last)| *last);
+        let idle = at.saturating_duration_since(last);
         let is_stale = counters.received > 0 && idle >= STALE_AFTER;
         let (level, message) = match &route.state {
             RouteState::Active if is_stale => {

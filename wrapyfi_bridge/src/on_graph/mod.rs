@@ -38,6 +38,7 @@ use wrapyfi_endpoint::{
     BridgeMark, Context, Durability, EndpointAddress, History, IncomingRequest, Publisher, Qos,
     Registry, RequestId, Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
+use wrapyfi_engine::RouteStatus;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
 use wrapyfi_interfaces::std_msgs::msg::Header;
@@ -117,6 +118,7 @@ impl OnGraph {
         let work = Work {
             diagnostics: diagnostics.map(|topic| (topic, Diagnostics::new(node.name().fqn()))),
             status: own.open::<BridgeStatus>("~/status", latched),
+            told: None,
             list: own.offer::<ListRoutes>("list_routes"),
             explain: own.offer::<Explain>("explain"),
             circles: Circles::new(&own, latched),
@@ -223,6 +225,10 @@ struct Topic {
 }
 
 impl Topic {
+    fn has_readers(&self) -> bool {
+        self.publisher.link().has_peers()
+    }
+
     fn publish(&mut self, fields: &impl Message) {
         if let Err(error) = self.publisher.publish(&message(self.ros_type, fields)) {
             tracing::debug!(%error, "{}", self.name);
@@ -235,6 +241,8 @@ struct Work {
     parts: Parts,
     diagnostics: Option<(Topic, Diagnostics)>,
     status: Option<Topic>,
+    /// State of the node and of the routes at the last publication, or the last one that was left out because it was the same.
+    told: Option<(State, Vec<RouteStatus>)>,
     list: Option<Offered>,
     explain: Option<Offered>,
     circles: Circles,
@@ -251,17 +259,28 @@ impl Work {
         }
         let Parts { bridge, handle, lifecycle } = &self.parts;
         let (routes, now) = (bridge.routes.status(), handle.now());
-        if let Some(status) = &mut self.status {
+        let seen = (lifecycle.state(), routes);
+        // The latest is kept for those who come late: while nobody reads, it is made anew only where it differs.
+        if let Some(status) = &mut self.status
+            && (status.has_readers() || self.told.as_ref() != Some(&seen))
+        {
             let stamp = Time { sec: now.sec, nanosec: now.nanosec };
             status.publish(&BridgeStatus {
                 header: Header { stamp, frame_id: String::new() },
-                state: lifecycle.state().label().to_owned(),
-                routes: bridge.infos(),
+                state: seen.0.label().to_owned(),
+                routes: seen.1.iter().map(|route| info::of(route, &bridge.node)).collect(),
             });
         }
-        let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
-        let away = middlewares::wait_causes(&bridge.routes.registry());
-        topic.publish(&diagnostics.of(&routes, &away, now, Instant::now()));
+        if let Some((topic, diagnostics)) = &mut self.diagnostics {
+            let at = Instant::now();
+            if topic.has_readers() {
+                let away = middlewares::wait_causes(&bridge.routes.registry());
+                topic.publish(&diagnostics.of(&seen.1, &away, now, at));
+            } else {
+                diagnostics.note(&seen.1, at);
+            }
+        }
+        self.told = Some(seen);
     }
 
     fn answer(&mut self) {
