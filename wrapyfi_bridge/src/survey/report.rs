@@ -60,7 +60,7 @@ fn head(text: &mut String, facts: &Facts, routes: &str) {
         text,
         "# Survey of {}\n\n\
          {topics} topics, {services} services, {actions} actions and {} parameters of {} nodes. {measured}; {types}. \
-         The routes of `{}` carry what is here: `wrapyfi check {0}`, `wrapyfi bridge --config {0}`.\n",
+         The routes of `{}` carry what is here: `wrapyfi check {3}`, `wrapyfi bridge --config {3}`.\n",
         escaped(&facts.master),
         facts.parameters.len(),
         facts.nodes().len(),
