@@ -136,8 +136,8 @@ ros1_messages() {
 
 # Debian has ROS 1; where nobody has, the tests against it are skipped.
 ros1() {
-    local packages=(python3-actionlib python3-rosbag python3-rosmaster python3-rosnode python3-rospy python3-rosservice
-        python3-rostopic python3-sensor-msgs python3-std-msgs python3-std-srvs)
+    local packages=(python3-actionlib python3-dynamic-reconfigure python3-rosbag python3-rosmaster python3-rosnode python3-rospy
+        python3-rosservice python3-rostopic python3-sensor-msgs python3-std-msgs python3-std-srvs)
     if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
         apt_packages "${packages[@]}"
     else

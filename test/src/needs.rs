@@ -32,6 +32,9 @@ pub enum Need {
     /// actionlib in Python beside that. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     Actionlib,
+    /// dynamic_reconfigure in Python beside that. Some systems have none: tests that need it are skipped there, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    Reconfigure,
     /// A compiler and actionlib in C++. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     ActionlibCpp,
@@ -77,6 +80,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Actionlib => has_package("python3-actionlib"),
+                Need::Reconfigure => has_package("python3-dynamic-reconfigure"),
                 Need::ActionlibCpp => {
                     !cpp::ACTIONLIB.lacks_library() || has_package("libactionlib-dev")
                 }
@@ -111,7 +115,8 @@ fn check(need: Need) -> Result {
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),
-        Need::Actionlib => actionlib(),
+        Need::Actionlib => imports("actionlib.msg", "python3-actionlib"),
+        Need::Reconfigure => imports("dynamic_reconfigure.cfg", "python3-dynamic-reconfigure"),
         Need::ActionlibCpp => cpp::ACTIONLIB.or_why_not().map(drop),
         Need::Hosts => hosts::or_why_not(),
         Need::Chromium => chromium().map(drop),
@@ -152,12 +157,12 @@ fn ros1() -> Result {
     FOUND.get_or_init(find_ros1).clone().map_err(anyhow::Error::msg)
 }
 
-fn actionlib() -> Result {
-    let ran = Command::new(SYSTEM_PYTHON).args(["-c", "import actionlib.msg"]).output()?;
+/// Fails where the system's Python lacks a module, which a package has.
+fn imports(module: &str, package: &str) -> Result {
+    let import = format!("import {module}");
+    let ran = Command::new(SYSTEM_PYTHON).args(["-c", &import]).output()?;
     if !ran.status.success() {
-        bail!(
-            "no actionlib (Debian 12: python3-actionlib); run `make test` where the system has it"
-        );
+        bail!("no {module} (Debian 12: {package}); run `make test` where the system has it");
     }
     Ok(())
 }

@@ -74,6 +74,11 @@ impl<'w> RealRos2<'w> {
         self.peer("rclpy_actions.py", args, None)
     }
 
+    /// Starts a client of the parameters of a node on rclpy: `test/peers/rclpy_parameters.py`.
+    pub fn rclpy_parameters(&self, args: &str, value: Option<&str>) -> Result<Process> {
+        self.peer("rclpy_parameters.py", args, value)
+    }
+
     fn peer(&self, script: &str, args: &str, value: Option<&str>) -> Result<Process> {
         let file = repository().join("test/peers").join(script).into_os_string();
         let split = args.split_whitespace().map(OsString::from);

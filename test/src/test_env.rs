@@ -420,6 +420,11 @@ impl TestEnv {
         self.start("rospy_actions.py", self.system_python("rospy_actions.py", args, None))
     }
 
+    /// Starts a server or a client of dynamic_reconfigure: `test/peers/reconfigure_peer.py`.
+    pub fn reconfigure(&self, args: &str) -> Result<Process> {
+        self.start("reconfigure_peer.py", self.system_python("reconfigure_peer.py", args, None))
+    }
+
     pub(crate) fn rospy_command(&self, args: &str, value: Option<&str>) -> Command {
         self.system_python("rospy_peer.py", args, value)
     }

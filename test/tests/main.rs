@@ -57,6 +57,7 @@ mod ros1_bridge;
 mod ros1_cpp;
 mod ros1_graph;
 mod ros1_latched;
+mod ros1_parameters;
 mod ros1_services;
 mod ros1_types;
 mod ros_types;

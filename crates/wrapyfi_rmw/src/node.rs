@@ -3,9 +3,10 @@
 #![allow(unsafe_code, reason = "contexts and nodes are structs of C")]
 
 use std::cell::UnsafeCell;
+use std::collections::HashMap;
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, MutexGuard};
+use std::sync::{Arc, MutexGuard, Weak};
 
 use wrapyfi_retry::Mutex;
 
@@ -63,6 +64,8 @@ struct NodeState {
     making: Mutex<()>,
     own: Mutex<Own>,
     dispatch: Dispatch,
+    /// Nodes beside the first one, by name and namespace.
+    children: Mutex<HashMap<(String, String), Weak<Inner>>>,
 }
 
 /// Parts that end when the middleware is left.
@@ -137,18 +140,25 @@ impl Node {
             making: Mutex::default(),
             own: Mutex::new(own),
             dispatch,
+            children: Mutex::default(),
         });
         Ok(Self(Arc::new(Inner { node, shared })))
     }
 
-    /// Another node of the same program, which shares everything with this one but its name.
+    /// Another node of the same program, which shares everything with this one but its name. The same one as long as it
+    /// lives.
     ///
     /// # Errors
     /// When rmw refuses the name.
     pub fn child(&self, name: &str, namespace: &str) -> Result<Self, Fault> {
         let text = |text: &str| c_text("rmw_create_node", text);
+        let key = (name.to_owned(), namespace.to_owned());
         let (name, namespace) = (text(name)?, text(namespace)?);
         let shared = Arc::clone(&self.0.shared);
+        let mut children = shared.children.lock();
+        if let Some(known) = children.get(&key).and_then(Weak::upgrade) {
+            return Ok(Self(known));
+        }
         let Some(joined) = &shared.joined else {
             return Err(Fault::new("rmw_create_node", "the middleware was left"));
         };
@@ -161,7 +171,11 @@ impl Node {
         if node.is_null() {
             return Err(Fault::last("rmw_create_node"));
         }
-        Ok(Self(Arc::new(Inner { node, shared })))
+        let child = Arc::new(Inner { node, shared: Arc::clone(&shared) });
+        children.retain(|_, child| child.strong_count() > 0);
+        children.insert(key, Arc::downgrade(&child));
+        drop(children);
+        Ok(Self(child))
     }
 
     /// Calls `on_change` from a thread of the node whenever the graph has changed, for as long as the returned value

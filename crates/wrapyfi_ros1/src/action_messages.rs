@@ -128,22 +128,24 @@ pub(super) struct GoalStatus {
 pub(super) type Statuses<'m> = BTreeMap<&'m [u8], (GoalState, &'m [u8])>;
 
 /// Bytes that are still to be read.
-struct Reader<'m>(&'m [u8]);
+pub(super) struct Reader<'m>(pub(super) &'m [u8]);
 
 impl<'m> Reader<'m> {
-    fn u32(&mut self) -> Option<u32> {
-        let (number, rest) = self.0.split_first_chunk::<4>()?;
+    pub(super) fn bytes<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (bytes, rest) = self.0.split_first_chunk::<N>()?;
         self.0 = rest;
-        Some(u32::from_le_bytes(*number))
+        Some(*bytes)
     }
 
-    fn u8(&mut self) -> Option<u8> {
-        let (number, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*number)
+    pub(super) fn u32(&mut self) -> Option<u32> {
+        self.bytes().map(u32::from_le_bytes)
     }
 
-    fn text(&mut self) -> Option<&'m [u8]> {
+    pub(super) fn u8(&mut self) -> Option<u8> {
+        self.bytes().map(u8::from_le_bytes)
+    }
+
+    pub(super) fn text(&mut self) -> Option<&'m [u8]> {
         let size = usize::try_from(self.u32()?).ok()?;
         let (text, rest) = self.0.split_at_checked(size)?;
         self.0 = rest;

@@ -23,6 +23,7 @@ use wrapyfi_retry::NewestTasks;
 
 use super::body::{Bodies, Body};
 use super::config::{NAME, NodeUri};
+use super::core::Core;
 use super::header::Header;
 use super::node::Node;
 use super::peer_types::{forget_service, greeted, probe_header};
@@ -304,6 +305,42 @@ async fn call(shared: Arc<ClientShared>, sequence: i64, Outgoing { frame, deadli
             }
             shared.end(sequence, outcome, bytes);
         }
+    }
+}
+
+/// Calls a service once, by the bytes of its request and reply.
+///
+/// # Errors
+/// When no node offers it, the node refuses, or the connection breaks; in words.
+pub(super) async fn call_once(
+    core: &Core,
+    service: &str,
+    wire_type: &ServiceType,
+    body: &[u8],
+    limit: usize,
+) -> Result<Bytes, String> {
+    let place = core.master.lookup_service(service).await.map_err(|error| error.to_string())?;
+    let place = place.ok_or_else(|| format!("no ROS 1 node offers {service}"))?;
+    let own = core
+        .header()
+        .with("service", service)
+        .with("tcp_nodelay", "1")
+        .with("type", &wire_type.name)
+        .with("md5sum", &wire_type.md5);
+    let greeted = tcpros::greeted(&place.host, place.port, &own).await;
+    let (mut stream, header) = greeted.map_err(|why| why.to_string())?;
+    if let Some(error) = header.get("error") {
+        return Err(requests::beginning(error, MAX_ERROR_BYTES).to_owned());
+    }
+    let size =
+        u32::try_from(body.len()).map_err(|_e| format!("{} bytes are too many", body.len()))?;
+    let sent = stream.write_all(&[&size.to_le_bytes(), body].concat()).await;
+    sent.map_err(|error| format!("the connection broke while it asked: {error}"))?;
+    match hear(&mut stream, limit).await {
+        Ok((Outcome::Reply(body), _)) => Ok(body),
+        Ok((Outcome::Refused(reason) | Outcome::Failed(reason), _)) => Err(reason),
+        Ok((Outcome::TooLarge(size), _)) => Err(DecodeError::too_large(size, limit).to_string()),
+        Err(ended) => Err(format!("no answer came: {ended}")),
     }
 }
 

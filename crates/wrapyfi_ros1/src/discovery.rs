@@ -10,13 +10,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
 
 use super::marks::{self, Marks};
 use super::master::{MasterError, Owners, SystemState};
 use super::node::Node;
+use super::node_parameters;
 use super::peer_types;
 use super::presence::Presence;
 use wrapyfi_endpoint::restart::restarted;
@@ -24,6 +25,8 @@ use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Mutex, Named
 
 /// Time between two looks: the master announces no changes.
 pub(super) const LOOK: Duration = Duration::from_millis(250);
+/// Time between two looks at the names of parameters.
+const PARAMETERS: Duration = Duration::from_secs(1);
 
 /// Looks until it is dropped.
 pub(super) struct Ros1Discovery {
@@ -59,10 +62,10 @@ impl Ros1Discovery {
 }
 
 async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
-    let mut presence = Presence::default();
+    let (mut presence, mut keys) = (Presence::default(), Keys::default());
     loop {
         let Some(node) = node.upgrade() else { return };
-        let now = match look(&node, &mut presence).await {
+        let now = match look(&node, &mut presence, &mut keys).await {
             Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
             Err(error) => Seen {
                 asked: true,
@@ -76,7 +79,14 @@ async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
     }
 }
 
-async fn look(node: &Arc<Node>, presence: &mut Presence) -> Result<Vec<Discovered>, MasterError> {
+/// Names of the parameters, and when the master told them.
+type Keys = Option<(Instant, BTreeSet<String>)>;
+
+async fn look(
+    node: &Arc<Node>,
+    presence: &mut Presence,
+    keys: &mut Keys,
+) -> Result<Vec<Discovered>, MasterError> {
     let types: BTreeMap<String, String> = node.master.topic_types().await?.into_iter().collect();
     let state = node.master.system_state().await?;
     let marks = marks::read(node.master.get_param(marks::NAMESPACE).await?.as_ref());
@@ -93,6 +103,14 @@ async fn look(node: &Arc<Node>, presence: &mut Presence) -> Result<Vec<Discovere
     let clients = clients.filter_map(|one| Some((one.name.clone(), one.node.clone()?)));
     *node.action_clients.lock() = clients.collect();
     found.extend(actions);
+    // There may be thousands. A master without a parameter server has none.
+    if keys.as_ref().is_none_or(|(at, _)| at.elapsed() >= PARAMETERS) {
+        let names = node.master.param_names().await.unwrap_or_default();
+        *keys = Some((Instant::now(), names.into_iter().collect()));
+    }
+    if let Some((_, keys)) = keys {
+        node_parameters::add(&mut found, keys);
+    }
     Ok(found)
 }
 

@@ -13,6 +13,7 @@ use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 use super::config::NAME;
 use super::core::Core;
 use super::discovery::action_type;
+use super::node_parameters;
 use super::peer_types::{TypeInfo, TypeQuestion, Unanswered, ask};
 use super::services::known;
 use wrapyfi_data::types::{RosAction, RosService, RosType, ServiceKind};
@@ -45,6 +46,9 @@ fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
 /// True when a publisher latches, which only its own header tells; `None` while it has not told
 /// yet.
 pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
+    if node_parameters::is_answered_here(found) {
+        return Some(false);
+    }
     type_info(core, found).ok().map(|told| told.latches)
 }
 
@@ -59,6 +63,10 @@ pub(super) fn topic(
     found: &Discovered,
     store: &mut TypeStore,
 ) -> LearnResult<Learned> {
+    if node_parameters::is_answered_here(found) {
+        let events = node_parameters::event_type();
+        return events.map(Learned::Ros).map_err(|error| undefined(&found.name, &error));
+    }
     let announced = found.type_name.clone().filter(|name| name != "*");
     // A subscriber cannot be asked.
     let told = (found.role == Role::Publisher).then(|| type_info(core, found));
@@ -98,6 +106,10 @@ pub(super) fn service(
     found: &Discovered,
     store: &mut TypeStore,
 ) -> LearnResult<ServiceKind> {
+    let here = found.type_name.as_deref().and_then(node_parameters::service_kind);
+    if let Some(kind) = here {
+        return kind.map(ServiceKind::Ros).map_err(|error| undefined(&found.name, &error));
+    }
     let type_name = type_info(core, found)?.type_name;
     let kinds = [ServiceKind::NativeObject, ServiceKind::Image, ServiceKind::AudioChunk];
     if let Some(kind) = kinds.into_iter().find(|kind| known(*kind).name == type_name) {

@@ -28,6 +28,7 @@
 //! | `action_client`, `client_goals`, `action_server`, `server_goals` | actions of actionlib: goals sent, and what becomes of them; goals taken |
 //! | `action_topics`, `action_messages` | their five topics, and the messages there |
 //! | `parameters` | properties |
+//! | `node_parameters` | parameters of other nodes, dynamic_reconfigure's too, as nodes of ROS 2 offer theirs |
 //! | `conversion` | messages of any type as payloads |
 //! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
 //! | `learn`, `peer_types`, `goal_probes` | the types of it; nodes asked for what the master does not tell |
@@ -54,6 +55,7 @@ mod marks;
 mod master;
 mod names;
 mod node;
+mod node_parameters;
 #[cfg(feature = "fuzzing")]
 pub mod offline;
 mod parameters;
@@ -98,6 +100,7 @@ use self::config::{NodeUri, Resolved};
 use self::core::Core;
 use self::goal_probes::GoalProbes;
 use self::node::Node;
+use self::node_parameters::{ParameterEvents, ParameterServiceClient, SharedParameters};
 use self::tcpros::Port;
 pub use source::source;
 use wrapyfi_data::types::{RosAction, ServiceKind};
@@ -140,6 +143,8 @@ pub struct Ros1 {
     node: Arc<Node>,
     /// Servers of actions that are asked for the type of their goals.
     probes: GoalProbes,
+    /// Parameters of other nodes.
+    parameters: SharedParameters,
     /// `None` once it is dropped.
     runtime: Option<Runtime>,
 }
@@ -232,7 +237,8 @@ impl Ros1 {
         if let Some(cause) = node.core.announces_loopback(None) {
             tracing::warn!(node = node.name.full(), "ROS 1: {cause}");
         }
-        Ok(Self { node, probes: GoalProbes::default(), runtime: Some(runtime) })
+        let (probes, parameters) = (GoalProbes::default(), SharedParameters::default());
+        Ok(Self { node, probes, parameters, runtime: Some(runtime) })
     }
 
     /// Absolute name of the node.
@@ -379,6 +385,11 @@ impl Middleware for Ros1 {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         let topic = self.resolve(&spec.topic)?;
+        if let Some(events) =
+            ParameterEvents::open(&self.parameters, &self.node, &topic, spec, context)
+        {
+            return Ok(Box::new(events));
+        }
         Ok(match conversion::wanted(&self.node, spec.message_type) {
             Some(wire_type) => {
                 let node = &self.node;
@@ -408,6 +419,11 @@ impl Middleware for Ros1 {
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         let service = self.resolve(&spec.service)?;
         Peers::none(&spec.options, NAME, &service)?;
+        let (node, parameters) = (&self.node, &self.parameters);
+        let here = ParameterServiceClient::open(parameters, node, &service, spec, context);
+        if let Some(client) = here {
+            return Ok(Box::new(client));
+        }
         Ok(Box::new(client::Ros1Client::open(&self.node, &service, spec, context)?))
     }
 

@@ -13,24 +13,32 @@ use super::cyclone::{Events, RawReader, RawWriter, Taken, WriteFault};
 use super::discovery_info::{Announcing, EndpointKind, Gid};
 use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents};
 use super::pacing::{MAX_BLOCKING, Pacing};
+use wrapyfi_node::NodeName;
 
 /// An endpoint's entry in its node, removed on drop.
 pub(super) struct Listed {
     node: Arc<dyn Announcing>,
+    /// Node of another middleware that the endpoint stands for.
+    other: Option<Arc<NodeName>>,
     kind: EndpointKind,
     gid: Gid,
 }
 
 impl Listed {
-    pub(super) fn new(node: Arc<dyn Announcing>, kind: EndpointKind, gid: Gid) -> Self {
-        node.info().add(kind, gid);
-        Self { node, kind, gid }
+    pub(super) fn new(
+        node: Arc<dyn Announcing>,
+        other: Option<Arc<NodeName>>,
+        kind: EndpointKind,
+        gid: Gid,
+    ) -> Self {
+        node.info().add(other.as_deref(), kind, gid);
+        Self { node, other, kind, gid }
     }
 }
 
 impl Drop for Listed {
     fn drop(&mut self) {
-        self.node.info().remove(self.kind, &self.gid);
+        self.node.info().remove(self.other.as_deref(), self.kind, &self.gid);
     }
 }
 

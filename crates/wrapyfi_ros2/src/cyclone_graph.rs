@@ -47,7 +47,11 @@ pub enum CycloneError {
 
 /// A node on CycloneDDS.
 #[derive(Clone)]
-pub struct CycloneGraph(Arc<Node>);
+pub struct CycloneGraph {
+    node: Arc<Node>,
+    /// Node of another middleware, for which its endpoints stand.
+    other: Option<Arc<NodeName>>,
+}
 
 /// Fields drop in this order: announcement, what watches discovery, participant, domain.
 struct Node {
@@ -81,7 +85,7 @@ impl CycloneGraph {
             range = ?config.discovery_range,
             "ROS 2 node on CycloneDDS"
         );
-        let graph = Self(Arc::new(Node {
+        let node = Arc::new(Node {
             name: config.node.clone(),
             peers: Mutex::new(None),
             info: Mutex::new(info),
@@ -90,15 +94,15 @@ impl CycloneGraph {
             service_ends: AtomicU32::new(1),
             services: Services::new(config),
             _domain: domain,
-        }));
-        let node: Arc<dyn Announcing> = graph.0.clone();
-        graph.0.services.announce(&node);
-        Ok(graph)
+        });
+        let announcing: Arc<dyn Announcing> = node.clone();
+        node.services.announce(&announcing);
+        Ok(Self { node, other: None })
     }
 
     /// GUID of the participant, as `ros_discovery_info` carries it.
     pub fn gid(&self) -> [u8; 16] {
-        self.0.gid
+        self.node.gid
     }
 
     /// Like [`Graph::subscribe`], with the names of DDS: for topics that are no ROS topics, such as
@@ -115,10 +119,10 @@ impl CycloneGraph {
         let events = Events::new(&topic.name, topic.qos.reliability, on_data);
         let user_data = user_data(topic);
         let names = (topic.name.as_str(), topic.type_name.as_str());
-        let raw = RawReader::new(&self.0.participant, names, &qos(topic, &user_data), events)
+        let raw = RawReader::new(&self.node.participant, names, &qos(topic, &user_data), events)
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
-        let listed = Listed::new(self.0.clone(), EndpointKind::Reader, gid);
+        let listed = self.list(EndpointKind::Reader, gid);
         let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
         Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
     }
@@ -139,12 +143,17 @@ impl CycloneGraph {
         let names = (topic.name.as_str(), topic.type_name.as_str());
         // It is for its readers to say whom they hear.
         let qos = EndpointQos { replay, ignore_local: false, ..qos(topic, &user_data) };
-        let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
+        let raw = RawWriter::new(&self.node.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
-        let listed = Listed::new(self.0.clone(), EndpointKind::Writer, gid);
+        let listed = self.list(EndpointKind::Writer, gid);
         let graph = self.clone();
         let pacing = Pacing::new(move || graph.nodes().ok(), topic);
         Ok(Box::new(CycloneWriter { pacing, raw, topic: topic.name.clone(), _listed: listed }))
+    }
+
+    /// Lists an endpoint in its node as long as the returned value lives.
+    fn list(&self, kind: EndpointKind, gid: Gid) -> Listed {
+        Listed::new(self.node.clone(), self.other.clone(), kind, gid)
     }
 
     /// Like [`Graph::watch`], with the name of DDS.
@@ -155,8 +164,8 @@ impl CycloneGraph {
         on_change: Notify,
     ) -> Created<dyn PeerWatch> {
         let index =
-            self.0.peer_index().map_err(|code| GraphError::stack("watching", &topic, &code))?;
-        Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
+            self.node.peer_index().map_err(|code| GraphError::stack("watching", &topic, &code))?;
+        Ok(Box::new(index.watch(self.node.clone(), topic, publishers, on_change)))
     }
 
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
@@ -174,7 +183,7 @@ impl CycloneGraph {
         let code = |code: ReturnCode| fault(code.to_string());
         let names = names::service_to_dds(&service.name, &service.type_name)
             .map_err(|error| fault(error.to_string()))?;
-        let node = &self.0;
+        let node = &self.node;
         let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
         let data =
             |hash: &Option<String>| marked(end_user_data(id_key, &id, hash.as_deref()), mark);
@@ -201,8 +210,8 @@ impl CycloneGraph {
         let writer = writer.map_err(code)?;
         let gid = writer.guid().map_err(code)?;
         let listed = [
-            Listed::new(node.clone(), EndpointKind::Reader, reader.guid().map_err(code)?),
-            Listed::new(node.clone(), EndpointKind::Writer, gid),
+            self.list(EndpointKind::Reader, reader.guid().map_err(code)?),
+            self.list(EndpointKind::Writer, gid),
         ];
         let is_beside = node.services.mapping().is_none();
         let ends = Ends::new(&service.name, writer, reader, service.max_bytes, is_beside);
@@ -212,7 +221,11 @@ impl CycloneGraph {
 
 impl Graph for CycloneGraph {
     fn node(&self) -> &NodeName {
-        &self.0.name
+        self.other.as_deref().unwrap_or(&self.node.name)
+    }
+
+    fn for_other(&self, node: &NodeName) -> GraphResult<Arc<dyn Graph>> {
+        Ok(Arc::new(Self { other: Some(Arc::new(node.clone())), ..self.clone() }))
     }
 
     fn advertise_with(
@@ -229,11 +242,11 @@ impl Graph for CycloneGraph {
     }
 
     fn service_mapping(&self) -> Option<ServiceMapping> {
-        self.0.services.mapping()
+        self.node.services.mapping()
     }
 
     fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
-        let other = self.0.services.elsewhere(service)?;
+        let other = self.node.services.elsewhere(service)?;
         if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.client(service, on_event);
         }
@@ -252,7 +265,7 @@ impl Graph for CycloneGraph {
         on_event: Notify,
     ) -> Created<dyn CdrServer> {
         // There, there is no room for a mark.
-        let other = self.0.services.elsewhere(service)?;
+        let other = self.node.services.elsewhere(service)?;
         if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.server(service, on_event);
         }
@@ -276,13 +289,13 @@ impl Graph for CycloneGraph {
     }
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
-        let found = cyclone::endpoints(&self.0.participant)
-            .map_err(|code| GraphError::stack("listing endpoints", &self.0.name.fqn(), &code))?;
+        let found = cyclone::endpoints(&self.node.participant)
+            .map_err(|code| GraphError::stack("listing endpoints", &self.node.name.fqn(), &code))?;
         Ok(found
             .into_iter()
             .map(|endpoint| {
-                let mut endpoint = discovered(endpoint, &self.0.gid);
-                endpoint.is_own |= self.0.services.owns(&endpoint.gid);
+                let mut endpoint = discovered(endpoint, &self.node.gid);
+                endpoint.is_own |= self.node.services.owns(&endpoint.gid);
                 endpoint
             })
             .collect())

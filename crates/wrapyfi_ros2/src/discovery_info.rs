@@ -1,14 +1,16 @@
 //! `ros_discovery_info`: which node owns which endpoints, as `ros2 node list` and `info` show it.
 //!
 //! ```text
-//!   endpoint created / destroyed ─▶ DiscoveryInfo { participant, node, readers, writers }
+//!   endpoint created / destroyed ─▶ DiscoveryInfo { participant, nodes: readers, writers }
 //!                                        │ whole message, every time
 //!                                        ▼
 //!                       ros_discovery_info (reliable, transient local, keep-last 1)
 //! ```
 //!
-//! The last message of a process names no node.
+//! A node of another middleware has its own entry while endpoints stand for it. The last message of a process names no
+//! node.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
@@ -43,6 +45,8 @@ pub(super) struct DiscoveryInfo {
     writer: RawWriter,
     participant: Gid,
     node: NodeEntitiesInfo,
+    /// Nodes of other middlewares, by their full names.
+    others: BTreeMap<String, NodeEntitiesInfo>,
     /// Endpoints of the node on two other participants: readers, writers.
     elsewhere: [(Vec<Gid>, Vec<Gid>); 2],
 }
@@ -68,23 +72,30 @@ impl DiscoveryInfo {
         let names = (TOPIC, ParticipantEntitiesInfo::DDS_TYPE);
         let writer = RawWriter::new(participant, names, &qos, events)?;
         let participant = participant.guid()?;
-        let node = NodeEntitiesInfo {
-            node_namespace: node.namespace().to_owned(),
-            node_name: node.name().to_owned(),
-            ..NodeEntitiesInfo::default()
-        };
-        Ok(Self { writer, participant, node, elsewhere: Default::default() })
+        let (node, others) = (entry(node), BTreeMap::new());
+        Ok(Self { writer, participant, node, others, elsewhere: Default::default() })
     }
 
-    /// Adds an endpoint and announces.
-    pub(super) fn add(&mut self, kind: EndpointKind, gid: Gid) {
-        self.list(kind).push(msg::Gid { data: gid });
+    /// Adds an endpoint to the node, or to another one, and announces.
+    pub(super) fn add(&mut self, other: Option<&NodeName>, kind: EndpointKind, gid: Gid) {
+        let node = match other {
+            None => &mut self.node,
+            Some(other) => self.others.entry(other.fqn()).or_insert_with(|| entry(other)),
+        };
+        list(node, kind).push(msg::Gid { data: gid });
         self.publish();
     }
 
     /// Removes an endpoint and announces.
-    pub(super) fn remove(&mut self, kind: EndpointKind, gid: &Gid) {
-        self.list(kind).retain(|known| known.data != *gid);
+    pub(super) fn remove(&mut self, other: Option<&NodeName>, kind: EndpointKind, gid: &Gid) {
+        let node = match other {
+            None => Some(&mut self.node),
+            Some(other) => self.others.get_mut(&other.fqn()),
+        };
+        if let Some(node) = node {
+            list(node, kind).retain(|known| known.data != *gid);
+        }
+        self.others.retain(|_, it| !it.reader_gid_seq.is_empty() || !it.writer_gid_seq.is_empty());
         self.publish();
     }
 
@@ -106,7 +117,7 @@ impl DiscoveryInfo {
             node.reader_gid_seq.extend(gids(readers));
             node.writer_gid_seq.extend(gids(writers));
         }
-        self.write(vec![node]);
+        self.write([node].into_iter().chain(self.others.values().cloned()).collect());
     }
 
     /// Announces that the node is gone and gives readers a moment to hear it.
@@ -114,13 +125,6 @@ impl DiscoveryInfo {
         self.write(Vec::new());
         if let Err(error) = self.writer.wait_for_acks(50_000_000) {
             tracing::debug!(%error, "{TOPIC}: the end was not acknowledged by all");
-        }
-    }
-
-    fn list(&mut self, kind: EndpointKind) -> &mut Vec<msg::Gid> {
-        match kind {
-            EndpointKind::Reader => &mut self.node.reader_gid_seq,
-            EndpointKind::Writer => &mut self.node.writer_gid_seq,
         }
     }
 
@@ -134,5 +138,21 @@ impl DiscoveryInfo {
             Err(WriteFault::Code(error)) => tracing::warn!(%error, "{TOPIC} was not sent"),
             Err(WriteFault::Message(error)) => tracing::warn!(error, "{TOPIC} was not sent"),
         }
+    }
+}
+
+/// A node without endpoints.
+fn entry(node: &NodeName) -> NodeEntitiesInfo {
+    NodeEntitiesInfo {
+        node_namespace: node.namespace().to_owned(),
+        node_name: node.name().to_owned(),
+        ..NodeEntitiesInfo::default()
+    }
+}
+
+fn list(node: &mut NodeEntitiesInfo, kind: EndpointKind) -> &mut Vec<msg::Gid> {
+    match kind {
+        EndpointKind::Reader => &mut node.reader_gid_seq,
+        EndpointKind::Writer => &mut node.writer_gid_seq,
     }
 }

@@ -80,6 +80,13 @@ pub trait Graph: Send + Sync {
     /// Name of the node that owns the endpoints.
     fn node(&self) -> &NodeName;
 
+    /// The same graph for endpoints that stand for a node of another middleware: they are listed as that node's, which is
+    /// on the graph while there are some. What it is asked for beside them is as of this node.
+    ///
+    /// # Errors
+    /// When the stack refuses the name.
+    fn for_other(&self, node: &NodeName) -> GraphResult<Arc<dyn Graph>>;
+
     /// Creates a writer and announces it.
     ///
     /// # Errors

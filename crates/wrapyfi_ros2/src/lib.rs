@@ -20,6 +20,7 @@
 //!
 //!   service: services of any type, by the bytes of requests and replies
 //!   action: actions of any type, by their services and topics
+//!   other_node: nodes of other middlewares that have parameters
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -99,6 +100,7 @@ mod node_handle;
 #[cfg(feature = "fuzzing")]
 pub mod offline;
 mod origins;
+mod other_node;
 mod owners;
 mod pacing;
 mod parameters;
@@ -158,6 +160,7 @@ pub use source::source;
 
 use graph::GraphError;
 use listener::Ros2Listener;
+use other_node::OtherNodeEvents;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
 use wrapyfi_data::types::{MessageType, RosAction, ServiceKind};
@@ -201,6 +204,9 @@ impl Middleware for Ros2 {
             let opened = PropertiesPublisher::open(self, spec, context);
             return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
         }
+        if let Some(events) = OtherNodeEvents::open(self, spec, context)? {
+            return Ok(Box::new(events));
+        }
         if let MessageType::Ros(kind) = spec.message_type {
             self.carries(Role::Publisher, kind.resolved());
         }
@@ -221,7 +227,9 @@ impl Middleware for Ros2 {
         if let ServiceKind::Ros(kind) = spec.kind {
             self.carries(Role::Server, kind.resolved());
         }
-        Ok(Box::new(service::Ros2Server::open(self, spec, service::depth(spec), context)?))
+        let other = other_node::of_server(self, spec)?;
+        let ros2 = other.as_ref().unwrap_or(self);
+        Ok(Box::new(service::Ros2Server::open(ros2, spec, service::depth(spec), context)?))
     }
 
     fn open_action_client(&self, spec: &ActionSpec, context: &Context) -> Opened<dyn ActionClient> {

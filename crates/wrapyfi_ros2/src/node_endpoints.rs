@@ -189,7 +189,7 @@ fn topic<M: Message>(name: &str, qos: Qos) -> TopicDescription {
     TopicDescription::of::<M>(name, qos, MAX_BYTES)
 }
 
-fn topic_of_events() -> TopicDescription {
+pub(super) fn topic_of_events() -> TopicDescription {
     topic::<ParameterEvent>(
         "/parameter_events",
         Qos { history: History::KeepLast(1000), ..Qos::default() },

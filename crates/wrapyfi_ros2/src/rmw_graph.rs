@@ -45,7 +45,9 @@ pub(super) struct RmwState {
     marks: Arc<Marks>,
     mapping: ServiceMapping,
     is_dds: bool,
-    pub(super) publishers: Publishers,
+    pub(super) publishers: Arc<Publishers>,
+    /// Full names of the nodes of this program, those of other middlewares among them.
+    own: Arc<Mutex<HashSet<String>>>,
 }
 
 /// Numbers that stand for the identities of publishers.
@@ -103,9 +105,11 @@ impl RmwGraph {
             _ => ServiceMapping::FastDds,
         };
         let is_dds = implementation != "rmw_zenoh_cpp";
-        let publishers = Publishers::default();
         let (name, marks, nameless) = (config.node.clone(), Arc::default(), Mutex::default());
-        Ok(Self(Arc::new(RmwState { name, node, nameless, marks, mapping, is_dds, publishers })))
+        let own = Arc::new(Mutex::new(HashSet::from([name.fqn()])));
+        let publishers = Arc::default();
+        let state = RmwState { name, node, nameless, marks, mapping, is_dds, publishers, own };
+        Ok(Self(Arc::new(state)))
     }
 }
 
@@ -130,6 +134,26 @@ impl RmwGraph {
 impl Graph for RmwGraph {
     fn node(&self) -> &NodeName {
         &self.0.name
+    }
+
+    fn for_other(&self, node: &NodeName) -> GraphResult<Arc<dyn Graph>> {
+        let child = self.0.node.child(node.name(), node.namespace());
+        let child =
+            child.map_err(|fault| GraphError::stack("creating a node", &node.fqn(), &fault))?;
+        // Others are told of marks under the name of this node.
+        self.join_marks();
+        self.0.own.lock().insert(node.fqn());
+        let RmwState { marks, mapping, is_dds, publishers, own, .. } = &*self.0;
+        Ok(Arc::new(Self(Arc::new(RmwState {
+            name: node.clone(),
+            node: child,
+            nameless: Mutex::default(),
+            marks: Arc::clone(marks),
+            mapping: *mapping,
+            is_dds: *is_dds,
+            publishers: Arc::clone(publishers),
+            own: Arc::clone(own),
+        }))))
     }
 
     fn advertise_with(
@@ -310,7 +334,7 @@ impl RmwState {
                             type_hash: None,
                             gid,
                             qos: Qos::default().into(),
-                            is_own: fqn == self.name.fqn(),
+                            is_own: self.own.lock().contains(&fqn),
                             mark,
                             service_mapping: None,
                         };
@@ -332,7 +356,7 @@ impl RmwState {
         let topic = topic.to_owned();
         Ok(found.into_iter().map(move |endpoint| {
             let is_publisher = side == EndpointType::Publishers;
-            let is_own = endpoint.node == self.name.fqn() || self.node.owns(&endpoint.gid);
+            let is_own = self.own.lock().contains(&endpoint.node) || self.node.owns(&endpoint.gid);
             let mark = self.marks.of(&endpoint.node, &(is_publisher, topic.clone()));
             let found = DiscoveredEndpoint {
                 is_publisher,

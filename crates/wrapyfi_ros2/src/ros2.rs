@@ -81,6 +81,11 @@ impl Ros2 {
         &self.graph
     }
 
+    /// The same for endpoints that stand for another node, which are on `graph`.
+    pub(super) fn for_other(&self, graph: Arc<dyn Graph>) -> Self {
+        Self { graph, ..self.clone() }
+    }
+
     /// The absolute name under which the node uses `topic`: expanded and remapped.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use crate::middlewares::check_topic;
 use crate::node::GRAPH;
 
 /// Type of the services with which a dynamic_reconfigure server takes values.
-const RECONFIGURE: &str = "dynamic_reconfigure/Reconfigure";
+pub(super) const RECONFIGURE: &str = "dynamic_reconfigure/Reconfigure";
 /// Size in bytes from which a message is large for DDS, which sends it in many pieces.
 const LARGE: u64 = 64 << 10;
 /// Rate in hertz below which a sensor is no stream.
@@ -27,6 +27,8 @@ pub(super) struct Facts {
     pub(super) entries: Vec<Entry>,
     /// Names of parameters, without those of bridges.
     pub(super) parameters: Vec<String>,
+    /// True where a bridge shows parameters of nodes, with services that ROS 1 lacks.
+    pub(super) has_parameters: bool,
     /// True where nodes take the time from `/clock`.
     pub(super) simulates_time: bool,
     /// Types of which nodes show different definitions, a sentence each.

@@ -10,19 +10,19 @@ mod measured;
 mod report;
 mod routes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::OpenOptions;
 use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_endpoint::{Interaction, Role};
+use wrapyfi_endpoint::{Discovered, Interaction, Role};
 use wrapyfi_interfaces::ros1::PairPlan;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use wrapyfi_ros1::{Registered, Ros1};
 
-use self::facts::{Entry, Facts};
+use self::facts::{Entry, Facts, RECONFIGURE};
 use crate::command::definitions;
 use crate::exit::{Failure, Result};
 use crate::export::conflicts;
@@ -87,6 +87,7 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
         knows_ros2: is_sourced || !args.definitions.is_empty(),
         entries,
         parameters,
+        has_parameters: learned.iter().any(|one| is_of_parameters(&one.endpoint)),
         simulates_time: ros1.simulates_time(),
         conflicts: conflicts(&learned, args.graph),
     };
@@ -128,8 +129,13 @@ fn write(file: &Path, text: &str) -> Result<()> {
 /// Topics, services and actions with all endpoints of each.
 fn entries(look: &Look, ros1: &Ros1, learned: &[Learned], types: &mut TypeStore) -> Vec<Entry> {
     let mut entries = BTreeMap::<(Interaction, &str), Entry>::new();
+    let reconfigured: BTreeSet<String> = learned.iter().filter_map(reconfigure).collect();
     for one in learned {
         let Learned { endpoint, told } = one;
+        let is_reconfigure = endpoint.role == Role::Server && reconfigured.contains(&endpoint.name);
+        if is_of_parameters(endpoint) && !is_reconfigure {
+            continue;
+        }
         let interaction = endpoint.role.interaction();
         let ros2_type = match told {
             Ok(resolved) => Ok(resolved.name().to_string()),
@@ -153,6 +159,7 @@ fn entries(look: &Look, ros1: &Ros1, learned: &[Learned], types: &mut TypeStore)
         };
         nodes.insert(one.node().to_owned());
         let type_name = match endpoint.role {
+            Role::Server if is_reconfigure => Some(RECONFIGURE.to_owned()),
             Role::Server => ros1.told_type(endpoint),
             _ => endpoint.type_name.clone(),
         };
@@ -176,6 +183,21 @@ fn entries(look: &Look, ros1: &Ros1, learned: &[Learned], types: &mut TypeStore)
         }
     }
     entries
+}
+
+/// True for what a bridge shows of the parameters of nodes, with types that ROS 1 lacks.
+fn is_of_parameters(endpoint: &Discovered) -> bool {
+    let of_ros2 = ["rcl_interfaces/srv/", "rcl_interfaces/msg/ParameterEvent"];
+    let name = endpoint.type_name.as_deref().unwrap_or_default();
+    of_ros2.iter().any(|it| name.starts_with(it))
+}
+
+/// The service of the server of dynamic_reconfigure whose descriptions these are.
+fn reconfigure(one: &Learned) -> Option<String> {
+    let Discovered { name, role, type_name, .. } = &one.endpoint;
+    let server = name.strip_suffix("/parameter_descriptions")?;
+    let is_description = type_name.as_deref() == Some("dynamic_reconfigure/ConfigDescription");
+    (*role == Role::Publisher && is_description).then(|| format!("{server}/set_parameters"))
 }
 
 /// Fields that a message loses between the definitions of ROS 1 and ROS 2, a sentence each.

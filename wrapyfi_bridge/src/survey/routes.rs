@@ -41,12 +41,21 @@ pub(super) fn routes(facts: &Facts, report: &str) -> String {
             route(&mut text, entry, is_off);
         }
     }
+    if facts.has_parameters {
+        text.push_str(PARAMETERS);
+    }
     if !text.contains("\n  - ") {
         // A file without routes is refused.
         text.push_str("  # Nothing was there: all that comes.\n  - { from: \"ros:/(.*)\", to: \"ros2:/$1\" }\n");
     }
     text
 }
+
+/// Routes of the services and events of all nodes that have parameters.
+const PARAMETERS: &str = r#"  # Parameters of nodes, those of dynamic_reconfigure among them
+  - { service: "ros:/(.*/(list|get|set|describe)_parameter.*)", as: "ros2:/$1" }
+  - { from: "ros:/(.*/parameter_events)", to: "ros2:/$1" }
+"#;
 
 /// True for what has no counterpart on ROS 2, or another one.
 fn is_of_ros1(entry: &Entry, facts: &Facts) -> bool {
@@ -120,7 +129,7 @@ mod tests {
             entry(Interaction::Action, "/move", "demo/action/Move"),
         ];
         let master = "http://base:11311".to_owned();
-        let facts = Facts { master, entries, ..Facts::default() };
+        let facts = Facts { master, entries, has_parameters: true, ..Facts::default() };
         let text = routes(&facts, "survey.md");
         for line in [
             "  - { from: \"ros2:/cmd_vel\", to: \"ros:/cmd_vel\" }  # geometry_msgs/Twist\n",

@@ -2,11 +2,24 @@
 
 use wrapyfi_interfaces::rcl_interfaces::msg;
 
-use super::{Parameter, ParameterDescriptor, ParameterRange};
+use super::{Parameter, ParameterDescriptor, ParameterRange, SetError};
+use crate::ParameterValue;
 
 impl From<Parameter> for msg::Parameter {
     fn from(parameter: Parameter) -> Self {
         Self { name: parameter.name, value: parameter.value.into() }
+    }
+}
+
+impl TryFrom<msg::Parameter> for Parameter {
+    type Error = SetError;
+
+    fn try_from(message: msg::Parameter) -> Result<Self, SetError> {
+        let msg::Parameter { name, value } = message;
+        match ParameterValue::try_from(value) {
+            Ok(value) => Ok(Self { name, value }),
+            Err(unknown) => Err(SetError::UnknownType { name, number: unknown.0 }),
+        }
     }
 }
 

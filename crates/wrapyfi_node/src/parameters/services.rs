@@ -13,7 +13,6 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 use wrapyfi_interfaces::{Message, Service, ServiceHashes};
 
 use super::{MAX_PARAMETERS, MAX_REPLY_BYTES, Parameter, ParameterStore, SetError};
-use crate::ParameterValue;
 
 /// Bytes that a value or a descriptor takes in a reply beside its texts and numbers.
 const FIXED_BYTES: usize = 64;
@@ -119,7 +118,8 @@ impl ParameterStore {
             let refused = result(Err(SetError::TooMany { count, limit }));
             return SetParameters_Response { results: vec![refused; count] };
         }
-        let set = |one| result(parameter(one).and_then(|one| self.set_atomically(vec![one])));
+        let set =
+            |one| result(Parameter::try_from(one).and_then(|one| self.set_atomically(vec![one])));
         SetParameters_Response { results: request.parameters.into_iter().map(set).collect() }
     }
 
@@ -128,7 +128,8 @@ impl ParameterStore {
         &mut self,
         request: SetParametersAtomically_Request,
     ) -> SetParametersAtomically_Response {
-        let parameters: Result<Vec<_>, _> = request.parameters.into_iter().map(parameter).collect();
+        let parameters: Result<Vec<_>, _> =
+            request.parameters.into_iter().map(Parameter::try_from).collect();
         let result = result(parameters.and_then(|parameters| self.set_atomically(parameters)));
         SetParametersAtomically_Response { result }
     }
@@ -151,14 +152,6 @@ impl ParameterStore {
             found.push(one);
         }
         found
-    }
-}
-
-fn parameter(message: msg::Parameter) -> Result<Parameter, SetError> {
-    let msg::Parameter { name, value } = message;
-    match ParameterValue::try_from(value) {
-        Ok(value) => Ok(Parameter { name, value }),
-        Err(unknown) => Err(SetError::UnknownType { name, number: unknown.0 }),
     }
 }
 

@@ -68,14 +68,7 @@ impl ParameterStore {
         node: &NodeName,
         overrides: BTreeMap<String, ParameterValue>,
     ) -> Result<Self, DeclareError> {
-        let mut store = Self {
-            node: node.fqn(),
-            overrides,
-            declared: BTreeMap::new(),
-            ordinal: 0,
-            watches: Watches::default(),
-            events: PendingEvents::default(),
-        };
+        let mut store = Self { overrides, ..Self::of_other(node.fqn()) };
         let [use_sim_time, type_descriptions] = NODE_SWITCHES;
         store.declare(ParameterDescriptor::new(use_sim_time), false)?;
         let service = ParameterDescriptor::new(type_descriptions)
@@ -83,6 +76,69 @@ impl ParameterStore {
             .read_only();
         store.declare(service, true)?;
         Ok(store)
+    }
+
+    /// The parameters of a node that another program has, none of which is known yet: it tells them
+    /// ([`become_these`](Self::become_these)). Its name may be none of ROS 2.
+    pub fn of_other(node: impl Into<String>) -> Self {
+        Self {
+            node: node.into(),
+            overrides: BTreeMap::new(),
+            declared: BTreeMap::new(),
+            ordinal: 0,
+            watches: Watches::default(),
+            events: PendingEvents::default(),
+        }
+    }
+
+    /// Has these parameters and no others, as the program says to which they belong; one event tells
+    /// what came, changed and went. A range that does not hold the value is left out. What came of
+    /// those that cannot be, or not so.
+    ///
+    /// ```
+    /// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+    /// let mut store = ParameterStore::of_other("/camera-1");
+    /// let gain = ParameterDescriptor::new("gain").with_double_range(0.0, 4.0, 0.0);
+    /// assert!(store.become_these([(gain, 2.5.into())]).is_empty());
+    /// assert_eq!(store.names().collect::<Vec<_>>(), ["gain"]);
+    /// ```
+    pub fn become_these(
+        &mut self,
+        all: impl IntoIterator<Item = (ParameterDescriptor, ParameterValue)>,
+    ) -> Vec<DeclareError> {
+        let mut before = std::mem::take(&mut self.declared);
+        let (mut changes, mut faults) = (Changes::default(), Vec::new());
+        for (mut descriptor, value) in all {
+            if let Err(fault) = self.check_name(&descriptor.name) {
+                faults.push(fault);
+                continue;
+            }
+            if let Err(fault) = descriptor.check(&value) {
+                let name = descriptor.name.clone();
+                descriptor.range = None;
+                let is_other = descriptor.check(&value).is_err();
+                faults.push(DeclareError::Default(name, fault));
+                if is_other {
+                    continue;
+                }
+            }
+            descriptor.parameter_type = value.parameter_type();
+            let known = before.remove(&descriptor.name);
+            let parameter = || Parameter { name: descriptor.name.clone(), value: value.clone() };
+            match &known {
+                None => changes.new.push(parameter()),
+                Some(known) if known.value != value => changes.changed.push(parameter()),
+                Some(_) => {}
+            }
+            let ordinal = known.map_or(self.ordinal, |known| known.ordinal);
+            self.ordinal = self.ordinal.saturating_add(1);
+            let name = descriptor.name.clone();
+            self.declared.insert(name, Declared { ordinal, descriptor, value });
+        }
+        let gone = |name| Parameter { name, value: ParameterValue::NotSet };
+        changes.deleted = before.into_keys().map(gone).collect();
+        self.publish(changes);
+        faults
     }
 
     /// Declares a parameter with the value of the command line, or else `default`, and returns that
@@ -251,6 +307,27 @@ impl ParameterStore {
         self.set_all(vec![Parameter::new(name, value)], true)
     }
 
+    /// Checks that a parameter may be set so, apart from others.
+    ///
+    /// # Errors
+    /// When it is not declared, read-only, or may not have the value.
+    pub fn check(&self, parameter: &Parameter) -> Result<(), SetError> {
+        self.check_set(parameter, false)
+    }
+
+    fn check_set(
+        &self,
+        Parameter { name, value }: &Parameter,
+        is_own: bool,
+    ) -> Result<(), SetError> {
+        let declared = self.declared.get(name);
+        let descriptor = &declared.ok_or_else(|| SetError::NotDeclared(name.clone()))?.descriptor;
+        if descriptor.read_only && !is_own {
+            return Err(SetError::ReadOnly(name.clone()));
+        }
+        descriptor.check(value)
+    }
+
     fn set_all(&mut self, parameters: Vec<Parameter>, is_own: bool) -> Result<(), SetError> {
         let (count, limit) = (parameters.len(), MAX_PARAMETERS);
         if count > limit {
@@ -265,13 +342,7 @@ impl ParameterStore {
                 return Err(SetError::Twice(name.clone()));
             }
         }
-        for Parameter { name, value } in &parameters {
-            let Some(Declared { descriptor, .. }) = self.declared.get(name) else { continue };
-            if descriptor.read_only && !is_own {
-                return Err(SetError::ReadOnly(name.clone()));
-            }
-            descriptor.check(value)?;
-        }
+        parameters.iter().try_for_each(|one| self.check_set(one, is_own))?;
         let mut changes = Changes::default();
         for parameter in parameters {
             let Some(declared) = self.declared.get_mut(&parameter.name) else { continue };

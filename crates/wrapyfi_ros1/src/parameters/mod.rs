@@ -16,6 +16,7 @@ mod watched;
 use std::time::Instant;
 
 pub(super) use publisher::ParameterPublisher;
+pub(super) use values::{to_xml, under};
 pub(super) use watched::{ParameterListener, Watched};
 
 use super::node::Node;

@@ -58,7 +58,7 @@ impl Flat {
 }
 
 /// A parameter of a namespace as ROS 1 names it: `camera.rate` is `camera/rate`.
-pub(super) fn under(key: &str, name: &str) -> String {
+pub(crate) fn under(key: &str, name: &str) -> String {
     let parts = name.split(['.', '/']).filter(|part| !part.is_empty());
     parts.fold(key.trim_end_matches('/').to_owned(), |path, part| format!("{path}/{part}"))
 }
@@ -70,7 +70,7 @@ pub(super) fn within(key: &str, path: &str) -> Option<String> {
 }
 
 /// `None` for one that is to be deleted.
-pub(super) fn to_xml(value: &ParameterValue) -> Option<Xml> {
+pub(crate) fn to_xml(value: &ParameterValue) -> Option<Xml> {
     fn list<T>(items: &[T], one: impl Fn(&T) -> Xml) -> Xml {
         Xml::Array(items.iter().map(one).collect())
     }

@@ -37,6 +37,10 @@ impl Graph for MadeUp {
         &self.node
     }
 
+    fn for_other(&self, _: &NodeName) -> Result<Arc<dyn Graph>, GraphError> {
+        nothing()
+    }
+
     fn advertise_with(
         &self,
         _: &TopicDescription,
