@@ -11,6 +11,7 @@
 # make fmt     formats the sources
 # make lint    lints only
 # make package-deb, make package-wheel   what others install without a compiler, in target/package
+# make package-ros   the packages of ROS 2 for the one that is sourced, in target/package
 # make release  packages, sources, crates, bill of materials and checksums, in target/package/release; PROCESSORS="x86_64 aarch64"
 #              makes wheels of both: docs/releasing.md
 # make version TO=0.2.0   writes the version where it stands
@@ -23,7 +24,7 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo build package-crates package-deb package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-wheel setup-frameworks test-fmt test-rust
+.PHONY: demo build package-crates package-deb package-ros package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-wheel setup-frameworks test-fmt test-rust
 .PHONY: test-asan test-frameworks test-publish test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny
 
 DEMO_ARGS ?= --seconds 20
@@ -178,6 +179,9 @@ test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 package-crates package-deb: package-%: setup-build | target/COLCON_IGNORE
 	@packaging/$*/build.sh
 
+package-ros: setup-build | target/COLCON_IGNORE
+	@packaging/deb/ros.sh
+
 package-wheel: setup-wheel | target/COLCON_IGNORE
 	@packaging/wheel/build.sh $(PROCESSORS)
 
@@ -187,6 +191,8 @@ test-packages: package-deb package-wheel
 	@SUITE=noble packaging/test.sh deb target/package/wrapyfi_*.deb
 	@packaging/test.sh container target/package/wrapyfi_*.deb
 	@packaging/test.sh wheel target/package/wrapyfi_{ros2,rs}-*_$$(uname -m).whl
+	@if [ -n "$${ROS_DISTRO:-}" ]; then $(MAKE) package-ros && packaging/test.sh ros target/package/ros-*-wrapyfi_*.deb; \
+	else echo "SKIPPED package ros: no ROS 2 is sourced" >&2; fi
 
 # What crates.io would be given, compiled crate by crate, and installed as from there.
 test-publish: package-crates

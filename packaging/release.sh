@@ -34,10 +34,12 @@ print(next(p for p in json.load(sys.stdin)["packages"] if p["name"] == "wrapyfi_
     # shellcheck disable=SC2086
     packaging/wheel/build.sh ${PROCESSORS:-}
     packaging/crates/build.sh
+    rm -f target/package/ros-*-wrapyfi_*.deb
+    if [ -n "${ROS_DISTRO:-}" ]; then packaging/deb/ros.sh; else echo "SKIPPED release of ros-DISTRIBUTION-wrapyfi: no ROS 2 is sourced" >&2; fi
 
     rm -rf "$release"
     mkdir -p "$release"
-    cp target/package/wrapyfi_*.deb target/package/wrapyfi_{ros2,rs}-*.whl "$release"
+    cp target/package/*.deb target/package/wrapyfi_{ros2,rs}-*.whl "$release"
     git archive --format tar --prefix "wrapyfi-$version/" HEAD | gzip -9n >"$release/wrapyfi-$version.tar.gz"
     tar --create --sort name --mtime "@$SOURCE_DATE_EPOCH" --owner 0 --group 0 --numeric-owner --mode go=rX,u=rwX \
         --directory target/package/crates --transform "s:^:wrapyfi-$version-crates/:" \

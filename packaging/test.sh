@@ -5,11 +5,12 @@
 #   packaging/test.sh deb FILE         a Debian package
 #   packaging/test.sh wheel FILE FILE  wheels of the program and of the library for Python, by pip into a virtual environment
 #   packaging/test.sh container FILE   a Debian package by the last stage of the Dockerfile, step by step
+#   packaging/test.sh ros FILE         the packages of ROS 2, beside the ROS 2 of this system: what it changes is laid over it and gone after
 #
 # SUITE=noble takes Ubuntu 24.04 for it. What is for another processor runs under qemu: apt-get install qemu-user-static.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
-usage="usage: packaging/test.sh deb|wheel|container FILE..."
+usage="usage: packaging/test.sh deb|wheel|container|ros FILE..."
 kind=${1:-} file=$(realpath "${2:?$usage}") library=$(realpath "${3:-/}")
 
 fail() {
@@ -22,7 +23,6 @@ skip() {
 }
 
 [ "$(id -u)" = 0 ] || skip "a new system is made by root only"
-command -v debootstrap >/dev/null || skip "there is no debootstrap. Run: apt-get install debootstrap"
 unshare --mount --pid --fork true 2>/dev/null || skip "no namespaces of mounts and processes here"
 case $file in
 *aarch64.whl | *_arm64.deb) processor=aarch64 architecture=arm64 ;;
@@ -35,16 +35,19 @@ root=$(mktemp -d "${TMPDIR:-/var/tmp}/wrapyfi-root.XXXXXX")
 chmod 755 "$root"
 # What is mounted below it is so in namespaces that have ended.
 trap 'rm -rf --one-file-system "$root"' EXIT
-# All Ubuntus are made by one script, and Debian 12 knows few of them by name.
-system=("${SUITE:=bookworm}" "$root")
-case $SUITE-$architecture in
-noble-amd64) system=(--components "main,universe" "${system[@]}" http://archive.ubuntu.com/ubuntu gutsy) ;;
-noble-*) system=(--components "main,universe" "${system[@]}" http://ports.ubuntu.com/ubuntu-ports gutsy) ;;
-esac
-debootstrap --variant=minbase --arch "$architecture" "${system[@]}" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
-rm "$root.log"
-# As every installed system has it, and every container.
-echo "127.0.0.1 localhost" >"$root/etc/hosts"
+if [ "$kind" != ros ]; then
+    command -v debootstrap >/dev/null || skip "there is no debootstrap. Run: apt-get install debootstrap"
+    # All Ubuntus are made by one script, and Debian 12 knows few of them by name.
+    system=("${SUITE:=bookworm}" "$root")
+    case $SUITE-$architecture in
+    noble-amd64) system=(--components "main,universe" "${system[@]}" http://archive.ubuntu.com/ubuntu gutsy) ;;
+    noble-*) system=(--components "main,universe" "${system[@]}" http://ports.ubuntu.com/ubuntu-ports gutsy) ;;
+    esac
+    debootstrap --variant=minbase --arch "$architecture" "${system[@]}" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; fail "debootstrap failed"; }
+    rm "$root.log"
+    # As every installed system has it, and every container.
+    echo "127.0.0.1 localhost" >"$root/etc/hosts"
+fi
 
 # Runs a command in the new system; whatever it started ends with it.
 inside() {
@@ -234,8 +237,58 @@ container() {
         { tail -n 30 "$root/tmp/compose.log" >&2; fail "the services of compose.yaml"; }
 }
 
+# A topic of ZeroMQ goes through the installed node to `ros2 topic echo`, on Fast DDS.
+ros() {
+    local package distribution
+    package=$(dpkg-deb --field "$file" Package)
+    distribution=${package#ros-} distribution=${distribution%-wrapyfi}
+    [ -f "/opt/ros/$distribution/setup.bash" ] || skip "there is no ROS 2 in /opt/ros/$distribution"
+    ! dpkg --status "$package" >/dev/null 2>&1 || skip "$package is installed here. Run: apt-get remove $package"
+    WRAPYFI_LO_NAMESPACE='' unshare --mount --pid --fork --mount-proc --kill-child "$here/scripts/lo-namespace.sh" bash -euo pipefail -c \
+        "$(declare -f fail beside); kind=ros file=$file root=$root; beside $package $distribution"
+}
+beside() {
+    local package=$1 prefix=/opt/ros/$2 folder layer force=()
+    mkdir "$root/layers"
+    mount -t tmpfs tmpfs "$root/layers"
+    for folder in "$prefix" /usr /var/lib/dpkg; do
+        layer=$root/layers/${folder//\//-}
+        mkdir -p "$layer"/{upper,work}
+        mount -t overlay overlay -o "lowerdir=$folder,upperdir=$layer/upper,workdir=$layer/work" "$folder"
+    done
+    # Other packages' bytecode is no business of ours.
+    files() { find "$prefix" /usr \( -path '*wrapyfi*' -o -not -path '*/__pycache__*' \) | sort; }
+    files >"$root/before"
+    # A ROS 2 that was compiled here is none of dpkg's.
+    dpkg --status "ros-$2-rmw-implementation" >/dev/null 2>&1 || force=(--force-depends)
+    dpkg --log=/dev/null "${force[@]}" --install "$file" >"$root/dpkg.log" 2>&1 || { cat "$root/dpkg.log" >&2; fail "dpkg --install"; }
+
+    export ROS_HOME=$root/home ROS_DOMAIN_ID=87 RMW_IMPLEMENTATION=rmw_fastrtps_cpp
+    set +u
+    # shellcheck disable=SC1091
+    . "$prefix/setup.bash"
+    set -u
+    [ "$(command -v wrapyfi)" = "$prefix/bin/wrapyfi" ] || fail "wrapyfi is not on PATH where ROS 2 is sourced"
+    local node
+    for node in bridge ros1_bridge yarp_bridge zeromq_bridge; do
+        ros2 run wrapyfi_bridge "$node" --help | grep -- --ros-args >/dev/null || fail "ros2 run wrapyfi_bridge $node --help"
+    done
+    ros2 interface show wrapyfi_msgs/msg/Tensor | grep -x 'uint8\[\] data' >/dev/null || fail "ros2 interface show wrapyfi_msgs/msg/Tensor"
+    ros2 launch wrapyfi bridge.launch.py --show-args >/dev/null || fail "ros2 launch wrapyfi bridge.launch.py"
+    ros2 wrapyfi --help >/dev/null || fail "ros2 wrapyfi --help"
+    echo 'routes: [{ from: "zeromq:/text", to: "ros2:/text", type: NativeObject }]' >"$root/text.yaml"
+    ros2 run wrapyfi_bridge bridge --config "$root/text.yaml" >"$root/bridge.log" 2>&1 &
+    wrapyfi pub zeromq:/text --type NativeObject --value '"through it"' --rate 10 >"$root/pub.log" 2>&1 &
+    timeout 60 ros2 topic echo --no-daemon --once /text wrapyfi_msgs/msg/NativeObject >"$root/echo.log" 2>&1 || true
+    grep -q 'through it' "$root/echo.log" || { tail -n 20 "$root"/{echo,pub,bridge}.log >&2; fail "nothing comes from ZeroMQ"; }
+    kill %1 %2
+
+    dpkg --log=/dev/null --purge "$package" >"$root/dpkg.log" 2>&1 || { cat "$root/dpkg.log" >&2; fail "dpkg --purge"; }
+    files | diff "$root/before" - >&2 || fail "removal left something, above"
+}
+
 case $kind in
-deb | wheel | container) "$kind" ;;
+deb | wheel | container | ros) "$kind" ;;
 *) fail "$usage" ;;
 esac
 for each in "${@:2}"; do echo "package $kind: installed, used and removed: $(basename "$each"), $(du -m "$each" | cut -f1) MB"; done
