@@ -16,6 +16,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]
 
 mod announced;
+mod bags;
 mod codecs;
 mod dynamic;
 mod labelled;
@@ -35,6 +36,7 @@ mod yarp_wire;
 mod zeromq;
 
 pub use announced::{bridge_marks, ros2_discovery};
+pub use bags::bag;
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
 pub use labelled::{plugin_picture, plugin_zarr};
@@ -97,4 +99,5 @@ pub const TARGETS: &[Target] = &[
     ("yarp_conf", yarp_conf),
     ("yarp_multicast", yarp_multicast),
     ("mapping_rules", mapping_rules),
+    ("bag", bag),
 ];

@@ -55,5 +55,5 @@ replays! {
     plugin_picture plugin_zarr node_services dynamic zeromq_requests yarp_bottle yarp_text
     yarp_object yarp_name_lines yarp_connection ros1_definition ros1_messages tcpros_header
     xmlrpc yarp_payload zeromq_probe zeromq_peer zeromq_counts ros2_discovery bridge_marks
-    yarp_conf yarp_multicast mapping_rules
+    yarp_conf yarp_multicast mapping_rules bag
 }

@@ -425,6 +425,11 @@ impl TestEnv {
         self.start("reconfigure_peer.py", self.system_python("reconfigure_peer.py", args, None))
     }
 
+    /// Runs `test/peers/rosbag_write.py`, which writes bags with rosbag; `args` are split at blanks.
+    pub fn rosbag(&self, args: &str) -> Result<Process> {
+        self.start("rosbag_write.py", self.system_python("rosbag_write.py", args, None))
+    }
+
     pub(crate) fn rospy_command(&self, args: &str, value: Option<&str>) -> Command {
         self.system_python("rospy_peer.py", args, value)
     }

@@ -81,6 +81,7 @@ fn readme() -> Result {
         }
         guide.pass_over("ROS_MASTER_URI", "`ros1` runs it")?;
         guide.pass_over("yarp:/icub/head/rpc:i", "`yarp` runs it")?;
+        guide.pass_over("wrapyfi convert", "`bags_played` runs it")?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` runs it")?;
         env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
         let [check, bridge, top, why] = guide.lines("wrapyfi check bridge.yaml")?;

@@ -4,6 +4,8 @@
 
 mod action_faults;
 mod actions;
+mod bags;
+mod bags_played;
 mod bridge;
 mod bridge_graph;
 mod check;

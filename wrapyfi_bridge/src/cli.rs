@@ -77,6 +77,15 @@ pub enum Command {
     Survey(SurveyArgs),
     /// Write the types that nodes show as an interface package of ROS 2, which colcon builds.
     Export(ExportArgs),
+    /// Convert a bag of ROS 1 into a recording of ROS 2 (MCAP), for `ros2 bag` and Foxglove.
+    #[cfg(feature = "bags")]
+    Convert(crate::bag_cli::ConvertArgs),
+    /// Publish the messages of a recording on any side, as they were in time.
+    #[cfg(feature = "bags")]
+    Play(crate::bag_cli::PlayArgs),
+    /// Record topics of any side into a recording of ROS 2 (MCAP), for `wrapyfi play`, `ros2 bag` and Foxglove.
+    #[cfg(feature = "bags")]
+    Record(crate::bag_cli::RecordArgs),
     /// Run the ZeroMQ brokers at which Wrapyfi's publishers and listeners, clients and servers meet.
     Broker(BrokerArgs),
     /// Run a YARP name server, for YARP's tools, ports and Wrapyfi's scripts on YARP.
@@ -485,7 +494,7 @@ fn at_least_a_tenth(text: &str) -> Result<Duration, String> {
     }
 }
 
-fn rate(text: &str) -> Result<f64, String> {
+pub(crate) fn rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(hz) if hz > 0.0 && hz <= 1e6 => Ok(hz),
         _ => Err("must be above 0 and at most 1000000 Hz".to_owned()),

@@ -12,6 +12,7 @@
 //!   canonical native objects as text that every language hashes alike
 //!   words     native objects as text for people
 //!   describe  a payload as one JSON object, with its digest
+//!   command::bag  recordings: convert, play, record
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
 //!   learned   types of a whole graph of ROS
@@ -36,6 +37,8 @@
 
 pub mod aborted;
 mod action_cli;
+#[cfg(feature = "bags")]
+pub mod bag_cli;
 pub mod canonical;
 pub mod cli;
 pub mod columns;

@@ -80,6 +80,12 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<()> {
         Command::Action(command) => command::action::run(command, &shutdown),
         Command::Survey(args) => survey::run(args, &shutdown),
         Command::Export(args) => export::run(args, &shutdown),
+        #[cfg(feature = "bags")]
+        Command::Convert(args) => command::bag::convert::run(args, &shutdown),
+        #[cfg(feature = "bags")]
+        Command::Play(args) => command::bag::play::run(args, &shutdown),
+        #[cfg(feature = "bags")]
+        Command::Record(args) => command::bag::record::run(args, &shutdown),
         Command::Broker(args) => shutdown.outcome(command::broker::run(args, &shutdown)),
         Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),

@@ -9,6 +9,8 @@ use crate::exit::{Failure, Result};
 
 pub mod action;
 mod announced;
+#[cfg(feature = "bags")]
+pub mod bag;
 pub mod bridge;
 pub mod broker;
 pub mod check;

@@ -1,0 +1,272 @@
+//! A bag of ROS 1 into a recording of ROS 2, message by message.
+//!
+//! ```text
+//!   BagReader ─▶ Conversion ─▶ recording::Writer
+//!        └── damage ──┴── what was left out, and why ──▶ Report
+//! ```
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Read, Seek, Write};
+
+use wrapyfi_interfaces::ros1::Transcoded;
+
+use crate::conversion::{Conversion, offered};
+use crate::recording::{Topic, TopicId, WriteError, Writer};
+use crate::ros1::{BagReader, Connection, Damage, ReadError};
+
+/// Messages between two looks at the progress.
+const LOOK_EVERY: u64 = 64;
+
+/// Error of converting a bag: the file ends there.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvertError {
+    /// The bag cannot be read on.
+    #[error("the bag: {0}")]
+    Read(#[from] ReadError),
+    /// The recording cannot be written.
+    #[error("the recording: {0}")]
+    Write(#[from] WriteError),
+}
+
+/// Choice of what is converted.
+#[derive(Debug, Clone, Default)]
+pub struct ConvertOptions {
+    /// Topics, by their names in the bag or in ROS 2; none: all.
+    pub topics: Option<BTreeSet<String>>,
+}
+
+/// Progress of a conversion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Bytes of the bag that were read.
+    pub read_bytes: u64,
+    /// Size of the bag in bytes.
+    pub size_bytes: u64,
+    /// Messages that were written.
+    pub messages: u64,
+}
+
+/// Outcome for one topic of the bag with one type.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TopicReport {
+    /// Topic in the bag.
+    pub from: String,
+    /// Type in the bag.
+    pub ros1_type: String,
+    /// Topic and type in the recording; none where the topic was left out.
+    pub to: Option<(String, String)>,
+    /// Messages that were written.
+    pub messages: u64,
+    /// Messages that were left out.
+    pub left_out: u64,
+    /// Reason for the first that was left out.
+    pub why: Option<String>,
+    /// Differences between the topic in the bag and in the recording, a sentence each.
+    pub notes: Vec<String>,
+    /// Changes that messages needed, such as texts that are no UTF-8.
+    pub changes: Transcoded,
+}
+
+/// Outcome of a conversion.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Topics of the bag that were met, by name.
+    pub topics: Vec<TopicReport>,
+    /// Messages that were written.
+    pub messages: u64,
+    /// Bytes of these messages in the bag.
+    pub bytes: u64,
+    /// Places of the bag that could not be read.
+    pub damage: Damage,
+    /// Messages that the index of the bag counts and that were not found; none without an index, or where not all was read.
+    pub missing: Option<u64>,
+    /// Topics that were asked for and are not in the bag.
+    pub absent: Vec<String>,
+    /// True where it was asked to end before the end of the bag.
+    pub is_interrupted: bool,
+}
+
+impl Report {
+    /// True where each message that was asked for is in the recording.
+    pub fn is_complete(&self) -> bool {
+        let whole = self.damage.is_none() && self.missing.unwrap_or(0) == 0;
+        let all = self.topics.iter().all(|topic| topic.left_out == 0) && self.absent.is_empty();
+        whole && all && !self.is_interrupted
+    }
+}
+
+/// Destination of a connection.
+#[derive(Clone, Copy)]
+enum Way {
+    Written(TopicId, usize),
+    LeftOut(usize),
+    NotWanted,
+}
+
+/// Converts a bag, and writes all of it that can be read. `look` is told the progress, and ends the conversion with `false`; what
+/// was written until then stays.
+///
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use std::fs::File;
+/// use std::io::BufWriter;
+/// use wrapyfi_bag::recording::{Compression, Writer};
+/// use wrapyfi_bag::ros1::{BagReader, Limits};
+/// use wrapyfi_bag::{Conversion, ConvertOptions, convert};
+/// use wrapyfi_interfaces::ros1::{Options, Rules, Types};
+///
+/// let mut bag = BagReader::open(File::open("robot.bag")?, Limits::default())?;
+/// let mut out = Writer::new(BufWriter::new(File::create("robot.mcap")?), Compression::None)?;
+/// let types = Types::from_environment(Rules::built_in());
+/// let mut conversion = Conversion::new(types, Options::default());
+/// let all = ConvertOptions::default();
+/// let report = convert(&mut bag, &mut conversion, &mut out, &all, &mut |_| true)?;
+/// out.finish("robot.mcap")?;
+/// println!("{} messages", report.messages);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// When the system refuses to read or to write. Damage of the bag is in the report.
+pub fn convert<R: Read + Seek, W: Write + Seek>(
+    bag: &mut BagReader<R>,
+    conversion: &mut Conversion,
+    out: &mut Writer<W>,
+    options: &ConvertOptions,
+    look: &mut dyn FnMut(&Progress) -> bool,
+) -> Result<Report, ConvertError> {
+    let mut report = Report::default();
+    let mut ways: BTreeMap<u32, Way> = BTreeMap::new();
+    let (mut cdr, mut seen) = (Vec::new(), 0_u64);
+    loop {
+        if seen.is_multiple_of(LOOK_EVERY) {
+            let (read_bytes, size_bytes) = bag.position();
+            let progress = Progress { read_bytes, size_bytes, messages: report.messages };
+            if !look(&progress) {
+                report.is_interrupted = true;
+                break;
+            }
+        }
+        let Some(next) = bag.next_message()? else { break };
+        let (id, time_ns, size) = (next.connection, next.time_ns, next.data.len());
+        seen += 1;
+        let before = report.messages;
+        let way = match ways.get(&id) {
+            Some(way) => *way,
+            None => {
+                let way = way(id, bag.connections(), conversion, out, options, &mut report)?;
+                ways.insert(id, way);
+                way
+            }
+        };
+        let message = (id, time_ns, bag.message());
+        carry(way, message, conversion, &mut cdr, out, &mut report)?;
+        if report.messages > before {
+            report.bytes = report.bytes.saturating_add(size as u64);
+        }
+    }
+    report.damage = bag.damage().clone();
+    if !report.is_interrupted {
+        report.missing = bag.indexed_messages().map(|indexed| indexed.saturating_sub(seen));
+    }
+    if let Some(wanted) = &options.topics {
+        let is_met = |name: &&String| {
+            let names = |topic: &TopicReport| {
+                topic.from == **name || topic.to.as_ref().is_some_and(|(to, _)| to == *name)
+            };
+            report.topics.iter().any(names)
+        };
+        report.absent = wanted.iter().filter(|name| !is_met(name)).cloned().collect();
+    }
+    report.topics.sort_by(|one, other| one.from.cmp(&other.from));
+    Ok(report)
+}
+
+/// Decides where the messages of a connection go.
+fn way<W: Write + Seek>(
+    id: u32,
+    connections: &BTreeMap<u32, Connection>,
+    conversion: &mut Conversion,
+    out: &mut Writer<W>,
+    options: &ConvertOptions,
+    report: &mut Report,
+) -> Result<Way, ConvertError> {
+    let Some(connection) = connections.get(&id) else { return Ok(Way::NotWanted) };
+    let Connection { topic, type_name, .. } = connection;
+    let is_wanted = |name: &str| options.topics.as_ref().is_none_or(|all| all.contains(name));
+    let target = conversion.target(connection);
+    let to = target.as_ref().ok().map(|target| target.topic.clone());
+    if !is_wanted(topic) && !to.as_deref().is_some_and(is_wanted) {
+        return Ok(Way::NotWanted);
+    }
+    let name_of = |to: &Option<String>, ros2: &str| to.clone().map(|to| (to, ros2.to_owned()));
+    let ros2_type = target.as_ref().map_or_else(|_| String::new(), |it| it.ros2.name().to_string());
+    let to = name_of(&to, &ros2_type);
+    let is_same =
+        |one: &TopicReport| one.from == *topic && one.ros1_type == *type_name && one.to == to;
+    let index = match report.topics.iter().position(is_same) {
+        Some(index) => index,
+        None => {
+            let (from, ros1_type) = (topic.clone(), type_name.clone());
+            report.topics.push(TopicReport { from, ros1_type, to, ..TopicReport::default() });
+            report.topics.len() - 1
+        }
+    };
+    let Some(entry) = report.topics.get_mut(index) else { return Ok(Way::NotWanted) };
+    match target {
+        Err(reason) => {
+            entry.why.get_or_insert_with(|| reason.to_owned());
+            Ok(Way::LeftOut(index))
+        }
+        Ok(target) => {
+            for note in &target.notes {
+                if !entry.notes.contains(note) {
+                    entry.notes.push(note.clone());
+                }
+            }
+            let same = connections.values().filter(|one| one.topic == *topic);
+            let qos = offered(same.filter(|one| one.type_name == *type_name));
+            let topic = Topic::of(&target.topic, &target.ros2, qos);
+            Ok(Way::Written(out.add_topic(&topic)?, index))
+        }
+    }
+}
+
+/// Carries one message over, or counts it.
+fn carry<W: Write + Seek>(
+    way: Way,
+    (connection, time_ns, data): (u32, u64, &[u8]),
+    conversion: &Conversion,
+    cdr: &mut Vec<u8>,
+    out: &mut Writer<W>,
+    report: &mut Report,
+) -> Result<(), ConvertError> {
+    let (topic, index) = match way {
+        Way::Written(topic, index) => (Some(topic), index),
+        Way::LeftOut(index) => (None, index),
+        Way::NotWanted => return Ok(()),
+    };
+    let Some(entry) = report.topics.get_mut(index) else { return Ok(()) };
+    cdr.clear();
+    let converted =
+        topic.and_then(|topic| Some((topic, conversion.convert(connection, data, cdr)?)));
+    match converted {
+        Some((topic, Ok(changes))) => {
+            out.write(topic, time_ns, time_ns, cdr)?;
+            entry.messages += 1;
+            report.messages += 1;
+            let Transcoded { cut_texts, bad_texts, wrapped_times } = &mut entry.changes;
+            *cut_texts = cut_texts.saturating_add(changes.cut_texts);
+            *bad_texts = bad_texts.saturating_add(changes.bad_texts);
+            *wrapped_times = wrapped_times.saturating_add(changes.wrapped_times);
+        }
+        Some((_, Err(error))) => {
+            entry.left_out += 1;
+            entry.why.get_or_insert_with(|| error.to_string());
+        }
+        None => entry.left_out += 1,
+    }
+    Ok(())
+}

@@ -1,0 +1,7 @@
+//! Recordings: `wrapyfi convert`, `wrapyfi play`, `wrapyfi record`.
+
+pub mod convert;
+mod output;
+pub mod play;
+pub mod record;
+mod source;
