@@ -1,7 +1,7 @@
 //! A bag of ROS 1 into a recording of ROS 2, message by message.
 //!
 //! ```text
-//!   BagReader ─▶ Conversion ─▶ recording::Writer
+//!   BagReader ─▶ Conversion ─▶ Feed ─ thread ─▶ recording::Writer
 //!        └── damage ──┴── what was left out, and why ──▶ Report
 //! ```
 
@@ -11,7 +11,8 @@ use std::io::{Read, Seek, Write};
 use wrapyfi_interfaces::ros1::Transcoded;
 
 use crate::conversion::{Conversion, offered};
-use crate::recording::{Topic, TopicId, WriteError, Writer};
+use crate::feed::{Feed, pipe};
+use crate::recording::{Topic, WriteError, Writer};
 use crate::ros1::{BagReader, Connection, Damage, ReadError};
 
 /// Messages between two looks at the progress.
@@ -27,6 +28,9 @@ pub enum ConvertError {
     /// The recording cannot be written.
     #[error("the recording: {0}")]
     Write(#[from] WriteError),
+    /// The system gives no thread that writes.
+    #[error("no thread can be started: {0}")]
+    Thread(std::io::Error),
 }
 
 /// Choice of what is converted.
@@ -99,7 +103,8 @@ impl Report {
 /// Destination of a connection.
 #[derive(Clone, Copy)]
 enum Way {
-    Written(TopicId, usize),
+    /// Number of the topic for the writer, and index in the report.
+    Written(usize, usize),
     LeftOut(usize),
     NotWanted,
 }
@@ -130,16 +135,40 @@ enum Way {
 ///
 /// # Errors
 /// When the system refuses to read or to write. Damage of the bag is in the report.
-pub fn convert<R: Read + Seek, W: Write + Seek>(
+pub fn convert<R: Read + Seek, W: Write + Seek + Send>(
     bag: &mut BagReader<R>,
     conversion: &mut Conversion,
     out: &mut Writer<W>,
     options: &ConvertOptions,
     look: &mut dyn FnMut(&Progress) -> bool,
 ) -> Result<Report, ConvertError> {
+    let (mut feed, drain) = pipe();
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("bag-writer".to_owned());
+        let writer = thread.spawn_scoped(scope, || drain.write_to(out));
+        let writer = writer.map_err(ConvertError::Thread)?;
+        let read = read(bag, conversion, &mut feed, options, look);
+        _ = feed.hand_over();
+        drop(feed);
+        match writer.join() {
+            Ok(written) => written?,
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+        Ok(read?)
+    })
+}
+
+/// Reads the bag, and gives its messages to the writer, until one of both ends.
+fn read<R: Read + Seek>(
+    bag: &mut BagReader<R>,
+    conversion: &mut Conversion,
+    feed: &mut Feed,
+    options: &ConvertOptions,
+    look: &mut dyn FnMut(&Progress) -> bool,
+) -> Result<Report, ReadError> {
     let mut report = Report::default();
     let mut ways: BTreeMap<u32, Way> = BTreeMap::new();
-    let (mut cdr, mut seen) = (Vec::new(), 0_u64);
+    let mut seen = 0_u64;
     loop {
         if seen.is_multiple_of(LOOK_EVERY) {
             let (read_bytes, size_bytes) = bag.position();
@@ -150,21 +179,18 @@ pub fn convert<R: Read + Seek, W: Write + Seek>(
             }
         }
         let Some(next) = bag.next_message()? else { break };
-        let (id, time_ns, size) = (next.connection, next.time_ns, next.data.len());
+        let (id, time_ns) = (next.connection, next.time_ns);
         seen += 1;
-        let before = report.messages;
         let way = match ways.get(&id) {
             Some(way) => *way,
             None => {
-                let way = way(id, bag.connections(), conversion, out, options, &mut report)?;
+                let way = way(id, bag.connections(), conversion, feed, options, &mut report);
                 ways.insert(id, way);
                 way
             }
         };
-        let message = (id, time_ns, bag.message());
-        carry(way, message, conversion, &mut cdr, out, &mut report)?;
-        if report.messages > before {
-            report.bytes = report.bytes.saturating_add(size as u64);
+        if !carry(way, (id, time_ns, bag.message()), conversion, feed, &mut report) {
+            break;
         }
     }
     report.damage = bag.damage().clone();
@@ -185,21 +211,21 @@ pub fn convert<R: Read + Seek, W: Write + Seek>(
 }
 
 /// Decides where the messages of a connection go.
-fn way<W: Write + Seek>(
+fn way(
     id: u32,
     connections: &BTreeMap<u32, Connection>,
     conversion: &mut Conversion,
-    out: &mut Writer<W>,
+    feed: &mut Feed,
     options: &ConvertOptions,
     report: &mut Report,
-) -> Result<Way, ConvertError> {
-    let Some(connection) = connections.get(&id) else { return Ok(Way::NotWanted) };
+) -> Way {
+    let Some(connection) = connections.get(&id) else { return Way::NotWanted };
     let Connection { topic, type_name, .. } = connection;
     let is_wanted = |name: &str| options.topics.as_ref().is_none_or(|all| all.contains(name));
     let target = conversion.target(connection);
     let to = target.as_ref().ok().map(|target| target.topic.clone());
     if !is_wanted(topic) && !to.as_deref().is_some_and(is_wanted) {
-        return Ok(Way::NotWanted);
+        return Way::NotWanted;
     }
     let name_of = |to: &Option<String>, ros2: &str| to.clone().map(|to| (to, ros2.to_owned()));
     let ros2_type = target.as_ref().map_or_else(|_| String::new(), |it| it.ros2.name().to_string());
@@ -214,11 +240,11 @@ fn way<W: Write + Seek>(
             report.topics.len() - 1
         }
     };
-    let Some(entry) = report.topics.get_mut(index) else { return Ok(Way::NotWanted) };
+    let Some(entry) = report.topics.get_mut(index) else { return Way::NotWanted };
     match target {
         Err(reason) => {
             entry.why.get_or_insert_with(|| reason.to_owned());
-            Ok(Way::LeftOut(index))
+            Way::LeftOut(index)
         }
         Ok(target) => {
             for note in &target.notes {
@@ -228,45 +254,54 @@ fn way<W: Write + Seek>(
             }
             let same = connections.values().filter(|one| one.topic == *topic);
             let qos = offered(same.filter(|one| one.type_name == *type_name));
-            let topic = Topic::of(&target.topic, &target.ros2, qos);
-            Ok(Way::Written(out.add_topic(&topic)?, index))
+            let topic = feed.add_topic(Topic::of(&target.topic, &target.ros2, qos));
+            Way::Written(topic, index)
         }
     }
 }
 
-/// Carries one message over, or counts it.
-fn carry<W: Write + Seek>(
+/// Carries one message over, or counts it; false where the writer has ended.
+fn carry(
     way: Way,
     (connection, time_ns, data): (u32, u64, &[u8]),
     conversion: &Conversion,
-    cdr: &mut Vec<u8>,
-    out: &mut Writer<W>,
+    feed: &mut Feed,
     report: &mut Report,
-) -> Result<(), ConvertError> {
+) -> bool {
     let (topic, index) = match way {
         Way::Written(topic, index) => (Some(topic), index),
         Way::LeftOut(index) => (None, index),
-        Way::NotWanted => return Ok(()),
+        Way::NotWanted => return true,
     };
-    let Some(entry) = report.topics.get_mut(index) else { return Ok(()) };
-    cdr.clear();
-    let converted =
-        topic.and_then(|topic| Some((topic, conversion.convert(connection, data, cdr)?)));
-    match converted {
-        Some((topic, Ok(changes))) => {
-            out.write(topic, time_ns, time_ns, cdr)?;
+    let Some(entry) = report.topics.get_mut(index) else { return true };
+    let Some(topic) = topic else {
+        entry.left_out += 1;
+        return true;
+    };
+    let changes = &mut entry.changes;
+    let put = |cdr: &mut Vec<u8>| match conversion.convert(connection, data, cdr) {
+        Some(Ok(Transcoded { cut_texts, bad_texts, wrapped_times })) => {
+            changes.cut_texts = changes.cut_texts.saturating_add(cut_texts);
+            changes.bad_texts = changes.bad_texts.saturating_add(bad_texts);
+            changes.wrapped_times = changes.wrapped_times.saturating_add(wrapped_times);
+            Ok(())
+        }
+        Some(Err(error)) => Err(Some(error)),
+        None => Err(None),
+    };
+    match feed.add((topic, time_ns), put) {
+        Ok(goes_on) => {
             entry.messages += 1;
             report.messages += 1;
-            let Transcoded { cut_texts, bad_texts, wrapped_times } = &mut entry.changes;
-            *cut_texts = cut_texts.saturating_add(changes.cut_texts);
-            *bad_texts = bad_texts.saturating_add(changes.bad_texts);
-            *wrapped_times = wrapped_times.saturating_add(changes.wrapped_times);
+            report.bytes = report.bytes.saturating_add(data.len() as u64);
+            goes_on
         }
-        Some((_, Err(error))) => {
+        Err(error) => {
             entry.left_out += 1;
-            entry.why.get_or_insert_with(|| error.to_string());
+            if entry.why.is_none() {
+                entry.why = error.map(|error| error.to_string());
+            }
+            true
         }
-        None => entry.left_out += 1,
     }
-    Ok(())
 }

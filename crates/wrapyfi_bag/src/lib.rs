@@ -18,6 +18,7 @@
 
 mod conversion;
 mod convert;
+mod feed;
 pub mod recording;
 pub mod ros1;
 mod schema;

@@ -9,8 +9,8 @@ use wrapyfi_bag::recording::{Compression, Metadata, Writer};
 
 use crate::exit::{Failure, Result};
 
-/// Bytes that are written at once.
-const BUFFER: usize = 1 << 20;
+/// Bytes that are gathered: a larger message is written as it is.
+const BUFFER: usize = 64 << 10;
 
 /// Place of a recording.
 #[derive(Debug)]
