@@ -14,7 +14,11 @@ fn publisher(env: &TestEnv, args: &str, value: &str) -> Result<Process> {
 fn a_survey_tells_what_a_move_has_to_heed_and_a_bridge_takes_its_routes() -> Result {
     run("a_survey_tells_what_a_move_has_to_heed_and_a_bridge_takes_its_routes", NEEDS, |env| {
         let _roscore = env.roscore()?;
-        let folder = env.definitions(&[("odd_msgs/msg/Odd.msg", "int32 number\n")])?;
+        let folder = env.definitions(&[
+            ("odd_msgs/msg/Odd.msg", "int32 number\n"),
+            // The name of the type is what a server is known by.
+            ("dynamic_reconfigure/srv/Reconfigure.srv", "int32 config\n---\nint32 config\n"),
+        ])?;
         let scan = env.topic("scan");
         let part = env.topic("1st/odd");
         let map = env.topic("map");
@@ -33,6 +37,12 @@ fn a_survey_tells_what_a_move_has_to_heed_and_a_bridge_takes_its_routes() -> Res
         let (lamp, gain) = (env.topic("lamp"), env.topic("gain"));
         let lamps = env.rospy(&format!("serve --topic {lamp} --node lamps"), None)?;
         lamps.event("ready")?;
+        let set = env.topic("arm/set_parameters");
+        let args = format!(
+            "serve --topic {set} --type dynamic_reconfigure/Reconfigure --node arm --definitions {folder}"
+        );
+        let arm = env.rospy(&args, Some("{}"))?;
+        arm.event("ready")?;
         let gains = env.rospy(&format!("param --topic {gain} --node gains"), Some("2.5"))?;
         gains.event("ready")?;
 
@@ -54,6 +64,12 @@ fn a_survey_tells_what_a_move_has_to_heed_and_a_bridge_takes_its_routes() -> Res
         line(&[&map, "/mapper", "yes", "transient_local"]);
         line(&[&lamp, "std_srvs/SetBool → std_srvs/srv/SetBool", "/lamps"]);
         line(&["| /mapper |"]);
+        line(&[&format!("| {} | /arm |", env.topic("arm"))]);
+        line(&["`wrapyfi check survey.yaml`"]);
+        let decide = report.split("## Topics").next().unwrap_or_default();
+        for quiet in ["get_loggers", "dynamic_reconfigure", "/rosout", "geometry_msgs"] {
+            assert!(!decide.contains(quiet), "{quiet}: {decide}");
+        }
         let rate = report.lines().find(|line| line.starts_with(&format!("| {scan} |")));
         let rate = rate.and_then(|line| line.split(" | ").nth(4)?.parse::<f64>().ok());
         assert!(rate.is_some_and(|rate| rate > 0.0), "{rate:?}:\n{report}");

@@ -235,6 +235,13 @@ fn of_actions(found: &[Discovered]) -> BTreeSet<String> {
     actions.flat_map(|one| OF_ACTION.map(|word| format!("{}/{word}", one.name))).collect()
 }
 
+/// True for a type of a package that every ROS has, such as `nav_msgs/msg/Path`.
+pub(crate) fn is_common(name: &str) -> bool {
+    let parts: Vec<&str> = name.split('/').collect();
+    let [_, kind, stem] = parts[..] else { return false };
+    TypeStore::names_like(kind, stem).iter().any(|known| known == name)
+}
+
 /// True where the node itself shows the definition: others are known by what lies here.
 pub(crate) fn shows(role: Role, graph: RosGraph) -> bool {
     graph != RosGraph::ROS1 || matches!(role, Role::Publisher | Role::ActionServer)
@@ -252,6 +259,16 @@ mod tests {
         assert_eq!("ros2:".parse::<RosGraph>().unwrap().to_string(), "ros2:");
         for text in ["", "yarp:", "ros3", "ros:/scan"] {
             assert!(text.parse::<RosGraph>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn types_of_every_ros_are_common() {
+        for name in ["nav_msgs/msg/Path", "std_msgs/msg/String", "std_srvs/srv/SetBool"] {
+            assert!(is_common(name), "{name}");
+        }
+        for name in ["my_msgs/msg/Path", "Path", "nav_msgs/Path"] {
+            assert!(!is_common(name), "{name}");
         }
     }
 

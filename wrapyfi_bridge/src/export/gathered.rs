@@ -13,6 +13,10 @@ use wrapyfi_interfaces::store::ResolvedType;
 
 use super::text::Interface;
 
+/// Packages of what rosidl itself puts into services and actions.
+const OF_ROSIDL: [&str; 4] =
+    ["action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs"];
+
 /// A definition, and who shows it.
 #[derive(Debug)]
 struct Candidate {
@@ -41,8 +45,9 @@ pub(super) struct Conflict {
 impl Gathered {
     /// Takes a type, with all types that it has inside, as `node` shows it on `topic`.
     pub(super) fn take(&mut self, resolved: &ResolvedType, node: &str, topic: &str) {
+        let shown = resolved.definitions().keys().map(TypeName::interface);
         let names: BTreeSet<TypeName> =
-            resolved.definitions().keys().map(TypeName::interface).collect();
+            shown.filter(|name| !OF_ROSIDL.contains(&name.package())).collect();
         for name in names {
             let Some(interface) = interface(&name, resolved.definitions()) else { continue };
             let known = self.0.entry(name).or_default();

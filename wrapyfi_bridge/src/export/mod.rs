@@ -26,7 +26,7 @@ use self::gathered::{Gathered, dependencies};
 use self::text::{DefinitionFile, Interface, Origins};
 use crate::command::definitions;
 use crate::exit::{Failure, Result};
-use crate::learned::{Learned, Look, RosGraph, shows};
+use crate::learned::{Learned, Look, RosGraph, is_common, shows};
 use crate::migration_cli::ExportArgs;
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -158,8 +158,12 @@ fn say_missing(
     for (needed, names) in dependencies(package, interfaces.iter().copied()) {
         let lacking = names.iter().find(|name| types.resolve_defined(name).is_err());
         if let (Some(lacking), false) = (lacking, written.contains(&needed)) {
+            let or_write = match is_common(&lacking.to_string()) {
+                true => String::new(),
+                false => format!(", or write it with --package {needed}"),
+            };
             output::line(&format!(
-                "{package} needs {lacking}, which no ROS 2 here has: install {needed}, or write it with --package {needed}"
+                "{package} needs {lacking}, which no ROS 2 here has: install {needed}{or_write}"
             ))?;
         }
     }

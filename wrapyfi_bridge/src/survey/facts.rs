@@ -8,8 +8,11 @@ use wrapyfi_endpoint::{EndpointAddress, Interaction};
 use crate::middlewares::check_topic;
 use crate::node::GRAPH;
 
-/// Type of the services with which a dynamic_reconfigure server takes values.
+/// Package of dynamic_reconfigure, and the type of the services with which its servers take values.
+const RECONFIGURE_PACKAGE: &str = "dynamic_reconfigure/";
 pub(super) const RECONFIGURE: &str = "dynamic_reconfigure/Reconfigure";
+/// Services by which the log of a node of ROS 1 is set, and the topic that gathers what is in `/rosout`.
+const OF_LOG: [&str; 3] = ["/get_loggers", "/set_logger_level", "/rosout_agg"];
 /// Size in bytes from which a message is large for DDS, which sends it in many pieces.
 const LARGE: u64 = 64 << 10;
 /// Rate in hertz below which a sensor is no stream.
@@ -83,6 +86,13 @@ impl Entry {
         self.ros1_type.as_deref() == Some(RECONFIGURE)
     }
 
+    /// True for what nodes of ROS 1 have beside their own: ROS 2 has it in another way, or not at all.
+    pub(super) fn is_of_ros1(&self) -> bool {
+        let is_of =
+            |package: &str| self.ros1_type.as_deref().is_some_and(|it| it.starts_with(package));
+        is_of(RECONFIGURE_PACKAGE) || OF_LOG.iter().any(|end| self.name.ends_with(end))
+    }
+
     /// Quality of service that nodes of ROS 2 need at the topic once they publish it.
     pub(super) fn qos(&self) -> String {
         let is_sensor = self.ros2_type.as_ref().is_ok_and(|it| it.starts_with("sensor_msgs/"));
@@ -131,7 +141,8 @@ impl Facts {
     /// Packages of types that ROS 2 here lacks, each with its types.
     pub(super) fn missing_packages(&self) -> BTreeMap<&str, BTreeSet<&str>> {
         let mut missing = BTreeMap::<&str, BTreeSet<&str>>::new();
-        for entry in self.entries.iter().filter(|entry| !entry.is_defined) {
+        let lacking = self.entries.iter().filter(|one| !one.is_defined && !one.is_of_ros1());
+        for entry in lacking {
             if let Ok(name) = &entry.ros2_type
                 && let Some((package, _)) = name.split_once('/')
             {

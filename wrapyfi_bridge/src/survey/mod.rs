@@ -26,7 +26,7 @@ use self::facts::{Entry, Facts, RECONFIGURE};
 use crate::command::definitions;
 use crate::exit::{Failure, Result};
 use crate::export::conflicts;
-use crate::learned::{Learned, Look, RosGraph};
+use crate::learned::{Learned, Look, RosGraph, is_common};
 use crate::migration_cli::SurveyArgs;
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -59,7 +59,9 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
         return Err(anyhow!("{} did not start as ROS 1", args.graph).into());
     };
     let learned = look.learn(&mut types, shutdown);
-    let mut entries = entries(&look, &ros1, &learned, &mut types);
+    let is_sourced = std::env::var_os("AMENT_PREFIX_PATH").is_some_and(|it| !it.is_empty());
+    let knows_ros2 = is_sourced || !args.definitions.is_empty();
+    let mut entries = entries(&look, &ros1, &learned, (&mut types, knows_ros2));
     let resolved: BTreeMap<&str, &ResolvedType> = learned
         .iter()
         .filter(|one| one.endpoint.role == Role::Publisher)
@@ -80,11 +82,10 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     let topics = entries.iter_mut().filter(|entry| entry.interaction == Interaction::Topic);
     topics.zip(measured).for_each(|(entry, traffic)| entry.traffic = traffic);
     let parameters = ros1.parameter_names().map_err(|error| anyhow!("{error}"))?;
-    let is_sourced = std::env::var_os("AMENT_PREFIX_PATH").is_some_and(|it| !it.is_empty());
     let facts = Facts {
-        master: ros1.master_uri(),
+        master: ros1.master_uri().trim_end_matches('/').to_owned(),
         seconds: args.seconds.as_secs_f64(),
-        knows_ros2: is_sourced || !args.definitions.is_empty(),
+        knows_ros2,
         entries,
         parameters,
         has_parameters: learned.iter().any(|one| is_of_parameters(&one.endpoint)),
@@ -127,7 +128,12 @@ fn write(file: &Path, text: &str) -> Result<()> {
 }
 
 /// Topics, services and actions with all endpoints of each.
-fn entries(look: &Look, ros1: &Ros1, learned: &[Learned], types: &mut TypeStore) -> Vec<Entry> {
+fn entries(
+    look: &Look,
+    ros1: &Ros1,
+    learned: &[Learned],
+    (types, knows_ros2): (&mut TypeStore, bool),
+) -> Vec<Entry> {
     let mut entries = BTreeMap::<(Interaction, &str), Entry>::new();
     let reconfigured: BTreeSet<String> = learned.iter().filter_map(reconfigure).collect();
     for one in learned {
@@ -170,7 +176,9 @@ fn entries(look: &Look, ros1: &Ros1, learned: &[Learned], types: &mut TypeStore)
             entry.ros2_type = ros2_type;
         }
         if let Ok(resolved) = told {
-            entry.is_defined |= types.resolve_defined(resolved.name()).is_ok();
+            let name = resolved.name();
+            entry.is_defined |=
+                types.resolve_defined(name).is_ok() || !knows_ros2 && is_common(&name.to_string());
         }
         if endpoint.role == Role::Publisher {
             entry.is_latched |= look.middleware.keeps_last(endpoint) == Some(true);

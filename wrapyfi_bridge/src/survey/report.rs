@@ -6,7 +6,11 @@ use std::fmt::Write as _;
 use wrapyfi_endpoint::Interaction;
 
 use super::facts::{Entry, Facts};
+use crate::learned::is_common;
 use crate::visible::escaped;
+
+/// Topic of the log, whose fields have other names on ROS 2.
+const LOG: &str = "/rosout";
 
 /// The report. `routes` is the name of the configuration that was written with it.
 pub(super) fn report(facts: &Facts, routes: &str) -> String {
@@ -42,7 +46,7 @@ fn section(text: &mut String, title: &str) {
 }
 
 fn head(text: &mut String, facts: &Facts, routes: &str) {
-    let count = |interaction| facts.of(interaction).count();
+    let (count, routes) = (|interaction| facts.of(interaction).count(), escaped(routes));
     let [topics, services, actions] = Interaction::ALL.map(count);
     let measured = match facts.seconds > 0.0 {
         true => format!("Rates and sizes were measured over {:.0} s", facts.seconds),
@@ -53,18 +57,17 @@ fn head(text: &mut String, facts: &Facts, routes: &str) {
             "types count as known where the ROS 2 that is sourced, or a folder of definitions, has them"
         }
         false => {
-            "no ROS 2 is sourced here, so that only the types that are built into `wrapyfi` count as known on ROS 2"
+            "no ROS 2 is sourced here: types of the packages that every ROS has count as known"
         }
     };
     let _infallible = writeln!(
         text,
         "# Survey of {}\n\n\
          {topics} topics, {services} services, {actions} actions and {} parameters of {} nodes. {measured}; {types}. \
-         The routes of `{}` carry what is here: `wrapyfi check {3}`, `wrapyfi bridge --config {3}`.\n",
+         The routes of `{routes}` carry what is here: `wrapyfi check {routes}`, `wrapyfi bridge --config {routes}`.\n",
         escaped(&facts.master),
         facts.parameters.len(),
         facts.nodes().len(),
-        escaped(routes),
     );
 }
 
@@ -73,7 +76,7 @@ fn heed(text: &mut String, facts: &Facts) {
     section(text, "To decide first");
     let mut lines = facts.conflicts.clone();
     let taken = facts.taken_names();
-    for entry in &facts.entries {
+    for entry in facts.entries.iter().filter(|entry| !entry.is_of_ros1()) {
         let (kind, name, ros2) = (entry.interaction, &entry.name, entry.ros2_name());
         if let Some(other) = taken.get(&(kind, name.as_str())) {
             lines.push(format!(
@@ -88,14 +91,21 @@ fn heed(text: &mut String, facts: &Facts) {
         if let Err(why) = &entry.ros2_type {
             lines.push(format!("{kind} `{name}`: its type is not known: {why}"));
         }
-        lines.extend(entry.differences.iter().map(|it| format!("{kind} `{name}`: {it}")));
+        // The log has its rule.
+        let differences = entry.differences.iter().filter(|_| name != LOG);
+        lines.extend(differences.map(|it| format!("{kind} `{name}`: {it}")));
     }
     for (package, types) in facts.missing_packages() {
         let types: Vec<&str> = types.into_iter().collect();
         lines.push(format!(
-            "package `{package}` is not on ROS 2 here ({}): install it, or write it with \
-             `wrapyfi export ros: --package {package}`",
-            types.join(", ")
+            "package `{package}` is not on ROS 2 here ({}): {}",
+            types.join(", "),
+            match types.iter().all(|name| is_common(name)) {
+                true => "install it".to_owned(),
+                false => format!(
+                    "install it, or write it with `wrapyfi export ros: --package {package}`"
+                ),
+            }
         ));
     }
     if facts.simulates_time {
@@ -165,7 +175,7 @@ fn topics(text: &mut String, facts: &Facts) {
 
 fn offered(text: &mut String, facts: &Facts, interaction: Interaction, title: &str, role: &str) {
     section(text, title);
-    let mut all = facts.of(interaction).filter(|entry| !entry.is_reconfigure()).peekable();
+    let mut all = facts.of(interaction).filter(|entry| !entry.is_of_ros1()).peekable();
     if all.peek().is_none() {
         text.push_str("None.\n\n");
         return;

@@ -7,8 +7,6 @@ use wrapyfi_endpoint::Interaction;
 use super::facts::{Entry, Facts};
 use crate::visible::escaped;
 
-/// Topics that a bridge has no use for: what rosout has gathered is in `/rosout`.
-const LEFT_OUT: &[&str] = &["/rosout_agg"];
 /// Messages of this size in bytes fill a queue that nobody needs.
 const LARGE: u64 = 1 << 20;
 
@@ -31,7 +29,7 @@ pub(super) fn routes(facts: &Facts, report: &str) -> String {
         (Interaction::Service, "Services"),
         (Interaction::Action, "Actions"),
     ] {
-        let mut all = facts.of(interaction).filter(|entry| !is_of_ros1(entry, facts)).peekable();
+        let mut all = facts.of(interaction).filter(|entry| !is_left_out(entry, facts)).peekable();
         if all.peek().is_some() {
             let _infallible = writeln!(text, "  # {title}");
         }
@@ -57,16 +55,9 @@ const PARAMETERS: &str = r#"  # Parameters of nodes, those of dynamic_reconfigur
   - { from: "ros:/(.*/parameter_events)", to: "ros2:/$1" }
 "#;
 
-/// True for what has no counterpart on ROS 2, or another one.
-fn is_of_ros1(entry: &Entry, facts: &Facts) -> bool {
-    let is_of_reconfigure = entry.is_reconfigure()
-        || entry.ros1_type.as_deref().is_some_and(|it| it.starts_with("dynamic_reconfigure/"));
-    let is_log = ["/get_loggers", "/set_logger_level"].iter().any(|it| entry.name.ends_with(it));
-    let is_service = entry.interaction == Interaction::Service;
-    is_of_reconfigure
-        || is_service && is_log
-        || LEFT_OUT.contains(&entry.name.as_str())
-        || entry.name == "/clock" && !facts.simulates_time
+/// True for what a bridge has no use for.
+fn is_left_out(entry: &Entry, facts: &Facts) -> bool {
+    entry.is_of_ros1() || entry.name == "/clock" && !facts.simulates_time
 }
 
 fn route(text: &mut String, entry: &Entry, is_off: bool) {
