@@ -133,7 +133,7 @@ mod tests {
         }
         assert!(!text.contains("get_loggers") && !text.contains("rosout_agg"), "{text}");
         let text = text.replace("/scan \\\"x\\\"", "/scan");
-        assert_eq!(load_text(&text, "survey.yaml").unwrap().plan.routes.len(), 5, "{text}");
+        assert_eq!(load_text(&text, "survey.yaml").unwrap().plan.routes.len(), 7, "{text}");
         let none = routes(&Facts { master: facts.master, ..Facts::default() }, "survey.md");
         assert_eq!(load_text(&none, "survey.yaml").unwrap().plan.routes.len(), 1, "{none}");
     }
