@@ -369,12 +369,13 @@ fn a_clock_that_stops_stops_no_route() -> Result {
 
 /// Files that read the system's clock. None of them decides when a route, a wait or a rate goes on: those take
 /// `Instant`, which no jump of that clock moves.
-const CLOCK_READERS: [(&str, &str); 7] = [
+const CLOCK_READERS: [(&str, &str); 8] = [
     ("crates/wrapyfi_data/src/types/stamp.rs", "time in a message"),
     ("crates/wrapyfi_endpoint/src/mark.rs", "number of a bridge, taken once"),
     ("crates/wrapyfi_engine/src/stamping.rs", "time in a message"),
     ("crates/wrapyfi_ros1/src/config.rs", "name of a node, taken once"),
     ("crates/wrapyfi_yarp_endpoint/src/log_port.rs", "time of a line of the log"),
+    ("wrapyfi_bridge/src/command/bag/record.rs", "time in a recording"),
     ("wrapyfi_bridge/src/logging.rs", "time of a line of the log"),
     ("wrapyfi_bridge/src/why/actions.rs", "compared with stamps of other computers"),
 ];
