@@ -49,12 +49,16 @@ if [ "$kind" != ros ]; then
     echo "127.0.0.1 localhost" >"$root/etc/hosts"
 fi
 
+# qemu knows no IP_MULTICAST_IF, without which CycloneDDS does not start.
+variables=()
+[ "$processor" = "$(uname -m)" ] || variables=("CYCLONEDDS_URI=<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General><Discovery>\
+<ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>")
 # Runs a command in the new system; whatever it started ends with it.
 inside() {
     # shellcheck disable=SC2016
     unshare --mount --pid --fork --kill-child sh -c '
         mount -t proc proc "$0/proc" && exec chroot "$0" /usr/bin/env -i HOME=/root LC_ALL=C.UTF-8 \
-            PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive "$@"' "$root" "$@"
+            PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive "$@"' "$root" "${variables[@]}" "$@"
 }
 apt() {
     inside apt-get -qq -o Dpkg::Use-Pty=0 -y "$@" >"$root/tmp/apt.log" 2>&1 || { cat "$root/tmp/apt.log" >&2; fail "apt-get $*"; }
@@ -66,11 +70,13 @@ files() {
 }
 # Runs a command in the new system, in a network of its own.
 alone() {
-    WRAPYFI_LO_NAMESPACE='' "$here/scripts/lo-namespace.sh" bash -c "$(declare -f inside); root=$root; inside "'"$@"' _ "$@"
+    WRAPYFI_LO_NAMESPACE='' "$here/scripts/lo-namespace.sh" bash -c "$(declare -f inside); $(declare -p root variables); inside "'"$@"' _ "$@"
 }
 # A bridge of one route that waits is small, once what its start took has gone back.
 rests() {
     echo 'routes: [{ from: "zeromq:/camera", to: "ros2:/camera", type: Image }]' >"$root/tmp/one.yaml"
+    # qemu is a part of what it starts.
+    [ "$processor" = "$(uname -m)" ] || return 0
     # shellcheck disable=SC2016
     alone sh -c '
         "$@" bridge --config /tmp/one.yaml 2>/tmp/rests.log & bridge=$!
