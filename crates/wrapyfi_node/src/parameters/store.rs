@@ -92,8 +92,8 @@ impl ParameterStore {
     }
 
     /// Has these parameters and no others, as the program says to which they belong; one event tells
-    /// what came, changed and went. A range that does not hold the value is left out. What came of
-    /// those that cannot be, or not so.
+    /// what came, changed and went. A range that does not hold the value is left out. Returns the faults of
+    /// those that cannot be, and of those whose range was left out.
     ///
     /// ```
     /// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
@@ -112,6 +112,9 @@ impl ParameterStore {
             if let Err(fault) = self.check_name(&descriptor.name) {
                 faults.push(fault);
                 continue;
+            }
+            if descriptor.parameter_type == ParameterType::NotSet {
+                descriptor.parameter_type = value.parameter_type();
             }
             if let Err(fault) = descriptor.check(&value) {
                 let name = descriptor.name.clone();
