@@ -32,7 +32,7 @@ pub(super) const FEWEST_BLOCKS: usize = 1800;
 /// Most bytes of one buffer that is kept for the next picture.
 pub(super) const MOST_KEPT: usize = 4 << 20;
 
-/// Where the parts of a baseline file of one scan are.
+/// Places of the parts of a baseline file of one scan.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     /// Position of the two bytes with the number of rows.
@@ -166,7 +166,7 @@ impl Intervals {
     }
 }
 
-/// What a strip is decompressed from, and to. Its decompressor is new each time: one that was used keeps tables of
+/// Buffers that a strip is decompressed from, and to. Its decompressor is new each time: one that was used keeps tables of
 /// that file for the next, which may have none.
 #[derive(Default)]
 struct Room {
@@ -288,7 +288,8 @@ mod tests {
         if subsampling == Subsamp::Gray { PixelFormat::GRAY } else { PixelFormat::BGR }
     }
 
-    /// Where strips give pixels, the whole file gives the same, and no more than a harmless warning.
+    /// Checks that the whole file gives the pixels that strips give, and no more than a harmless warning; true where
+    /// strips give any.
     fn same_as_the_whole(file: &Bytes, format: PixelFormat) -> bool {
         let mut is_cut = false;
         for cores in 2..=4 {

@@ -31,7 +31,7 @@ struct Cut {
 }
 
 impl Cut {
-    /// How a picture is cut; nothing where it is too small for more than one thread.
+    /// Cuts a picture; nothing where it is too small for more than one thread.
     fn of(width: usize, height: usize, subsampling: Subsamp) -> Option<Self> {
         let (extent, blocks) = if subsampling == Subsamp::Gray { (8, 1) } else { (16, 6) };
         let (across, down) = (width.div_ceil(extent), height.div_ceil(extent));
@@ -43,7 +43,7 @@ impl Cut {
     }
 }
 
-/// What compresses one picture, or strips of it.
+/// A compressor of one picture, or of strips of it.
 struct Encoder {
     compressor: Compressor,
     /// Room for the worst case, of which only what is written is ever touched.
