@@ -115,6 +115,8 @@ pub use service_error::{CallError, ServeError, ServeResult};
 pub use start::{Builder, MiddlewareSettings, Planned, StartError, StartFn};
 pub use throttle::{Throttle, Throttles};
 pub use topic_error::{OpenError, OpenResult, Opened, PublishError, Published, TakeError};
+#[doc(hidden)]
+pub use wake::Pollable;
 pub use wake::Wake;
 
 use wrapyfi_interfaces::store::TypeStore;

@@ -1,8 +1,14 @@
 //! The doorbell by which I/O threads tell the thread that takes messages that there is work.
 
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::task::Waker;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+
+/// Connections that one thread watches by itself; with more, it waits to be told.
+const MOST_WATCHED: usize = 4;
 
 /// A doorbell: rung by I/O threads, waited on by the thread that takes messages.
 ///
@@ -20,17 +26,41 @@ use std::time::Duration;
 #[derive(Clone, Debug, Default)]
 pub struct Wake(Arc<Doorbell>);
 
-#[derive(Debug, Default)]
+/// A connection that a thread which waits for the doorbell may read by itself, in place of the I/O thread: its messages
+/// then wake one thread instead of two.
+#[doc(hidden)]
+pub trait Pollable: Send + Sync {
+    /// Descriptor that is readable when something has come, which the I/O thread does not watch from now on. `None`
+    /// where the I/O thread has to see to the connection.
+    fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>>;
+
+    /// Reads what has come, and rings for it.
+    fn read(&self);
+
+    /// Has the I/O thread watch the connection again.
+    fn give_back(&self);
+}
+
+#[derive(Default)]
 struct Doorbell {
     state: Mutex<DoorbellState>,
     changed: Condvar,
+    /// Descriptor by which a ring reaches a thread that waits for connections too; `None` where the system has none.
+    event: OnceLock<Option<OwnedFd>>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct DoorbellState {
     rung: bool,
     /// Tasks that the next ring wakes.
     tasks: Vec<Waker>,
+    /// Number of threads that wait for a ring alone.
+    sleepers: usize,
+    watched: Vec<Weak<dyn Pollable>>,
+    /// True while a thread watches connections, from when it begins to until it has given them back.
+    is_watching: bool,
+    /// True while a ring has to be told by the descriptor.
+    is_polling: bool,
 }
 
 impl Wake {
@@ -44,20 +74,37 @@ impl Wake {
         let tasks = {
             let mut state = self.lock();
             state.rung = true;
+            if std::mem::take(&mut state.is_polling) {
+                self.0.signal();
+            }
+            if state.sleepers > 0 {
+                self.0.changed.notify_all();
+            }
             std::mem::take(&mut state.tasks)
         };
-        self.0.changed.notify_all();
         tasks.into_iter().for_each(Waker::wake);
     }
 
     /// Waits until rung, at most `timeout`; true when it was rung.
     pub fn wait(&self, timeout: Duration) -> bool {
-        let state = self.lock();
+        let deadline = Instant::now().checked_add(timeout);
+        let lent = self.lend(timeout);
+        if !lent.is_empty() {
+            self.watch(&lent, deadline);
+            lent.iter().for_each(|(connection, _)| connection.give_back());
+            let mut state = self.lock();
+            state.is_watching = false;
+            return std::mem::take(&mut state.rung);
+        }
+        let mut state = self.lock();
+        state.sleepers += 1;
+        let left = deadline.map_or(timeout, |at| at.saturating_duration_since(Instant::now()));
         let (mut state, _) = self
             .0
             .changed
-            .wait_timeout_while(state, timeout, |state| !state.rung)
+            .wait_timeout_while(state, left, |state| !state.rung)
             .unwrap_or_else(PoisonError::into_inner);
+        state.sleepers -= 1;
         std::mem::take(&mut state.rung)
     }
 
@@ -70,8 +117,104 @@ impl Wake {
         }
     }
 
+    /// Has threads that wait for the doorbell read a connection that rings it, for as long as it lives.
+    #[doc(hidden)]
+    pub fn attach<T: Pollable + 'static>(&self, connection: &Arc<T>) {
+        let connection = Arc::downgrade(connection);
+        let mut state = self.lock();
+        state.watched.retain(|known| known.strong_count() > 0);
+        state.watched.push(connection);
+    }
+
+    /// Connections that the caller is to watch, where there are some and no other thread does.
+    fn lend(&self, timeout: Duration) -> Vec<Lent> {
+        let mut state = self.lock();
+        let is_few = (1..=MOST_WATCHED).contains(&state.watched.len());
+        if !is_few || state.rung || state.is_watching || timeout.is_zero() {
+            return Vec::new();
+        }
+        state.is_watching = true;
+        let watched: Vec<_> = state.watched.iter().filter_map(Weak::upgrade).collect();
+        drop(state);
+        let lend = |connection: Arc<dyn Pollable>| Some((connection.lend()?, connection));
+        let has_event = self.0.event().is_some();
+        let lent = watched.into_iter().filter(|_| has_event).filter_map(lend);
+        let lent: Vec<Lent> = lent.map(|(fd, connection)| (connection, fd)).collect();
+        if lent.is_empty() {
+            self.lock().is_watching = false;
+        }
+        lent
+    }
+
+    /// Reads connections until one of them has rung, another thread has, or the time is over.
+    fn watch(&self, lent: &[Lent], deadline: Option<Instant>) {
+        let Some(event) = self.0.event() else { return };
+        loop {
+            {
+                let mut state = self.lock();
+                if state.rung {
+                    return;
+                }
+                state.is_polling = true;
+            }
+            let mut fds = vec![PollFd::new(event, PollFlags::IN)];
+            fds.extend(
+                lent.iter().map(|(_, fd)| PollFd::from_borrowed_fd(fd.as_fd(), PollFlags::IN)),
+            );
+            let left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
+            let left = left.and_then(|left| Timespec::try_from(left).ok());
+            let polled = poll(&mut fds, left.as_ref());
+            let is_ready: Vec<bool> = fds.iter().map(|fd| !fd.revents().is_empty()).collect();
+            {
+                let mut state = self.lock();
+                // A ring has taken this back, and told it by the descriptor.
+                if !std::mem::take(&mut state.is_polling) {
+                    self.0.drain();
+                    return;
+                }
+            }
+            // An interrupted call ends the wait too: the caller may want to know of the signal.
+            if !polled.is_ok_and(|count| count > 0) {
+                return;
+            }
+            let ready = lent.iter().zip(is_ready.iter().skip(1)).filter(|(_, is_ready)| **is_ready);
+            ready.for_each(|((connection, _), _)| connection.read());
+        }
+    }
+
     fn lock(&self) -> MutexGuard<'_, DoorbellState> {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A connection that was lent, with its descriptor.
+type Lent = (Arc<dyn Pollable>, Arc<dyn AsFd + Send + Sync>);
+
+impl Doorbell {
+    fn event(&self) -> Option<&OwnedFd> {
+        let open = || eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK).ok();
+        self.event.get_or_init(open).as_ref()
+    }
+
+    /// Makes the descriptor readable.
+    fn signal(&self) {
+        let told = self.event().map(|event| rustix::io::write(event, &1_u64.to_ne_bytes()));
+        if let Some(Err(error)) = told {
+            tracing::error!(%error, "a thread that waits cannot be woken");
+        }
+    }
+
+    /// Makes the descriptor unreadable again.
+    fn drain(&self) {
+        if let Some(event) = self.event() {
+            _ = rustix::io::read(event, &mut [0; 8]);
+        }
+    }
+}
+
+impl std::fmt::Debug for Doorbell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Doorbell").finish_non_exhaustive()
     }
 }
 
@@ -99,5 +242,68 @@ mod tests {
         wake.ring();
         assert_eq!(count.0.load(SeqCst), 1);
         assert!(wake.wait(Duration::from_secs(60)), "threads are told as well");
+    }
+
+    /// A connection of a test: the reading end of a pipe.
+    struct Pipe {
+        end: Arc<OwnedFd>,
+        wake: Wake,
+        is_lent: Mutex<bool>,
+        read: AtomicUsize,
+    }
+
+    impl Pollable for Pipe {
+        fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
+            let was_lent = std::mem::replace(&mut *self.is_lent.lock().unwrap(), true);
+            assert!(!was_lent, "two threads watch it");
+            Some(Arc::clone(&self.end) as Arc<dyn AsFd + Send + Sync>)
+        }
+
+        fn read(&self) {
+            let mut byte = [0];
+            assert_eq!(rustix::io::read(&*self.end, &mut byte), Ok(1));
+            self.read.fetch_add(1, SeqCst);
+            // Half a message rings for nothing.
+            if byte[0] != 0 {
+                self.wake.ring();
+            }
+        }
+
+        fn give_back(&self) {
+            *self.is_lent.lock().unwrap() = false;
+        }
+    }
+
+    #[test]
+    fn a_thread_that_waits_reads_by_itself_until_a_message_is_whole() {
+        let wake = Wake::new();
+        let (end, other) = rustix::pipe::pipe().unwrap();
+        let pipe = Arc::new(Pipe {
+            end: Arc::new(end),
+            wake: wake.clone(),
+            is_lent: Mutex::new(false),
+            read: AtomicUsize::new(0),
+        });
+        wake.attach(&pipe);
+        rustix::io::write(&other, &[0, 0, 1, 0]).unwrap();
+        assert!(wake.wait(Duration::from_secs(60)));
+        assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (3, false));
+        assert!(!wake.wait(Duration::from_millis(1)), "the rest of a message is not there");
+        assert_eq!(pipe.read.load(SeqCst), 4);
+        wake.ring();
+        assert!(wake.wait(Duration::from_secs(60)), "a ring before the wait is not lost");
+
+        // Rings reach a thread that watches connections, and one beside it.
+        std::thread::scope(|scope| {
+            let wait = || while !wake.wait(Duration::from_secs(60)) {};
+            let waiters = [scope.spawn(wait), scope.spawn(wait)];
+            while waiters.iter().any(|waiter| !waiter.is_finished()) {
+                wake.ring();
+                std::thread::yield_now();
+            }
+        });
+        while wake.wait(Duration::ZERO) {}
+        drop(pipe);
+        assert!(!wake.wait(Duration::from_millis(1)), "nothing is left to be watched");
     }
 }

@@ -53,7 +53,7 @@ pub(super) struct ZeroMqDiscovery {
 
 impl ZeroMqDiscovery {
     pub(super) fn new(shared: &ZeroMqState, monitor_topic: &str) -> Result<Self, DiscoverError> {
-        let link = BrokerLink::new(&shared.pub_endpoint, "", shared.keys.as_ref());
+        let link = BrokerLink::new(&shared.pub_endpoint(), "", shared.keys.as_ref());
         let connection = shared
             .contexts
             .open(|context| open(context, shared, &link, monitor_topic))

@@ -40,7 +40,7 @@ use super::peer::{Peer, TURN};
 use super::subscribers::Subscribers;
 use super::traffic::REFUSED;
 use super::wanted::Wanted;
-use super::zmtp::Kind;
+use super::zmtp::{self, Kind};
 use wrapyfi_endpoint::{DropReason, Throttles};
 
 /// The token of the port; peers are counted from 0.
@@ -254,9 +254,9 @@ impl Front {
 
     /// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.
     fn word(&self, is_wanted: bool, topic: &[u8]) -> Arc<Message> {
-        let frame = [&[u8::from(is_wanted)][..], topic].concat();
+        let frame = zmtp::subscription(is_wanted, topic);
         let of = Some((Bytes::new(), frame.len()));
-        self.message(vec![frame.into()], of)
+        self.message(vec![frame], of)
     }
 
     /// Number of the peers that are connected.

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //!   open, close ── commands ──┐
-//!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
+//!   listeners' connections ───┤          ┌─▶ ListenerConnection: inbox
 //!   publishers' connections ──┼─▶ epoll ─┼─▶ PublisherConnection: who listens, what waits
 //!   clients', servers' DEALER ┤          ├─▶ ServiceConnection: requests, replies
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
 //! The thread knows each of these as an [`IoEndpoint`]. Publishing itself happens on the caller's thread, as far as the
-//! connection takes it: see `PublisherConnection`.
+//! connection takes it: see `PublisherConnection`; and a thread that waits for a message reads by itself: see
+//! `ListenerConnection`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -48,6 +49,8 @@ const EVENTS: usize = 256;
 pub(super) struct Handle {
     commands: mpsc::Sender<Command>,
     waker: Waker,
+    /// Connections that are watched, for threads that watch one by themselves for a while.
+    pub(super) registry: Registry,
     stop: AtomicBool,
     next_id: AtomicU64,
 }
@@ -84,6 +87,7 @@ impl Io {
         let handle = Arc::new(Handle {
             commands,
             waker: Waker::new(poll.registry(), COMMANDS)?,
+            registry: poll.registry().try_clone()?,
             stop: AtomicBool::new(false),
             next_id: AtomicU64::new(0),
         });

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!                            broker (ours or a foreign one)
-//!   Publisher XPUB ──connect──▶ sub_port XSUB │ XPUB pub_port ◀──connect── SUB Listener
+//!   Publisher XPUB ──connect──▶ sub_port XSUB │ XPUB pub_port ◀──connect── XSUB Listener
 //!                                             └── ZEROMQ/CONNECTIONS: {"/topic": count}
 //!   Client DEALER ──connect──▶ rep_port ROUTER │ DEALER req_port ◀──connect── DEALER Server
 //! ```
@@ -21,9 +21,9 @@
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_proxy` | the thread of the other |
-//! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
+//! | `io`, `service_connection`, `link` | the thread that receives, the part of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server`, `shared` | the endpoints, what they share |
-//! | `publisher_connection`, `inside` | a publisher's connection to the broker, its way into one of the same process |
+//! | `connection`, `publisher_connection`, `listener_connection`, `inside` | a connection to the broker, a publisher's and a listener's, the way into a broker of the same process |
 //! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | one connection that is not libzmq's: its security, what waits for it, what comes of it; the protocol there |
 //! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
 //! | [`codec`] | payloads as the frames of a message, by the settings of the topic |
@@ -39,6 +39,7 @@ mod broker_ports;
 mod client;
 pub mod codec;
 mod config;
+mod connection;
 mod contexts;
 #[cfg_attr(not(feature = "curve"), path = "curve_absent.rs")]
 mod curve;
@@ -55,6 +56,7 @@ mod io;
 mod ledger;
 mod link;
 mod listener;
+mod listener_connection;
 mod mechanism;
 mod message;
 mod monitor;
@@ -67,7 +69,6 @@ mod port_check;
 mod proxy;
 mod publisher;
 mod publisher_connection;
-mod reception;
 #[cfg(feature = "driver")]
 mod section;
 mod server;
@@ -166,7 +167,7 @@ impl ZeroMq {
         let ip = config::reachable(ip);
         let shared = ZeroMqState {
             ip,
-            pub_endpoint: options::endpoint(ip, config.pub_port),
+            pub_address: SocketAddr::new(ip, config.pub_port),
             sub_address: SocketAddr::new(ip, config.sub_port),
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
@@ -268,7 +269,7 @@ impl Middleware for ZeroMq {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.check(&spec.topic)?;
-        Ok(Box::new(listener::ZeroMqListener::open(&self.shared, spec, context)?))
+        Ok(Box::new(listener::ZeroMqListener::open(&self.shared, spec, context)))
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
@@ -319,7 +320,7 @@ pub fn zeromq() -> Builder<ZeroMqConfig> {
 impl std::fmt::Debug for ZeroMq {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("ZeroMq")
-            .field("pub_endpoint", &self.shared.pub_endpoint)
+            .field("pub_address", &self.shared.pub_address)
             .field("sub_address", &self.shared.sub_address)
             .finish_non_exhaustive()
     }

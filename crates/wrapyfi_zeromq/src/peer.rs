@@ -65,6 +65,8 @@ pub(super) struct Peer<S = TcpStream> {
     subscribed: Share,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
+    /// Topics to which we subscribe once the handshake is over.
+    subscribes: Vec<String>,
     /// True where the other side has said that our key may not publish that topic.
     pub(super) is_refused: bool,
     pub(super) outbox: Outbox<Outgoing>,
@@ -95,6 +97,7 @@ impl<S: Read + Write> Peer<S> {
             topics: BTreeSet::new(),
             subscribed: Share::of(&SUBSCRIPTIONS),
             only: None,
+            subscribes: Vec::new(),
             is_refused: false,
             outbox: Outbox::default(),
             waiting: 0,
@@ -120,6 +123,11 @@ impl<S: Read + Write> Peer<S> {
         // A request or a reply that is passed over would be waited for: who sends it learns of it by the connection.
         let assembly = if kind == Kind::Xsub { assembly.passing_over() } else { assembly };
         Self { kind, assembly: Some(assembly), ..self }
+    }
+
+    /// The same, which subscribes to `topics`.
+    pub(super) fn subscribing(self, topics: Vec<String>) -> Self {
+        Self { subscribes: topics, ..self }
     }
 
     /// The same, with CURVE; `hello` is our first command, where we begin.
@@ -367,9 +375,17 @@ impl<S: Read + Write> Peer<S> {
             });
         }
         self.stage = Stage::Open;
-        if self.only.is_some() {
+        let subscribes = std::mem::take(&mut self.subscribes);
+        if self.only.is_some() || !subscribes.is_empty() {
             // Each of two of ours asks only who is silent: no program would know that the other answers.
             self.tell(PING);
+        }
+        for topic in subscribes {
+            let word = zmtp::subscription(true, topic.as_bytes());
+            let of = Some((Bytes::new(), word.len()));
+            let is_sealed = self.mechanism.secured().is_some();
+            let queued = self.queue(&Message::new(vec![word], is_sealed, of, None), None);
+            queued.map_err(|_full| ConnectionEnd::OverBudget)?;
         }
         Ok(())
     }

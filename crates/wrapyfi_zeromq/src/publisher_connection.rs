@@ -8,42 +8,28 @@
 //!
 //! A broker in this process is given the message on the caller's thread: no copy of it goes through TCP, and no thread is
 //! woken that only passes it on.
-//!
-//! As at the broker's ports, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
-//! messages and not in bytes, and throws it away without a word when the connection ends.
 
-use std::net::{SocketAddr, TcpStream};
-use std::os::fd::AsRawFd as _;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bytes::Bytes;
-use mio::unix::SourceFd;
-use mio::{Interest, Registry};
+use mio::Registry;
 
-use super::curve::{self, Curve, Keys};
-use super::heard;
+use super::connection::{self, Connection, Turn};
 use super::inside::Inside;
-use super::io::{Command, Handle, IoEndpoint, IoProgress, token};
+use super::io::{Command, Handle, IoEndpoint, IoProgress};
 use super::ledger::Ledger;
-use super::link::{self, BrokerLink};
+use super::link::BrokerLink;
 use super::message::{Message, Outgoing};
+use super::options;
 use super::own_messages::{Fingerprint, OwnTopic};
 use super::peer::Peer;
 use super::shared::ZeroMqState;
-use super::{contexts, options};
-use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, Throttle};
-
-/// Bytes read at once.
-const READ_BYTES: usize = 4096;
-/// Shortest time between two looks at a connection to which nothing happens.
-const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// The connection of one publisher, used by its owner and by the I/O thread in turn.
 pub(super) struct PublisherConnection {
     pub(super) id: u64,
-    broker: SocketAddr,
     topic: Bytes,
     /// Number of messages that may wait; none: any number.
     hwm: Option<usize>,
@@ -51,28 +37,17 @@ pub(super) struct PublisherConnection {
     own: Arc<OwnTopic>,
     context: Context,
     io: Arc<Handle>,
-    /// Keys of this process, where connections are to have CURVE.
-    keys: Option<Arc<Keys>>,
+    /// True where the connection has CURVE, which seals each message for itself.
+    is_sealed: bool,
     ledger: Arc<Ledger>,
     state: Mutex<ConnectionState>,
 }
 
 struct ConnectionState {
-    way: Way,
-    backoff: Backoff,
-    /// Instant until which what waits is still sent, because the publisher is closed.
-    closes: Option<Instant>,
-}
-
-/// State of the connection.
-enum Way {
-    /// There is none before this instant.
-    Down(Instant),
-    /// The broker has not yet taken the connection that was begun at this instant.
-    Begun(TcpStream, Instant),
-    /// Messages go to the broker itself, where it is in this process; then the connection only tells who is subscribed.
-    Up(Box<Peer>, Option<Inside>),
-    Ended,
+    connection: Connection,
+    /// The broker, where it is in this process: messages go to it itself, and the connection only tells who is
+    /// subscribed.
+    inside: Option<Inside>,
 }
 
 impl PublisherConnection {
@@ -83,22 +58,20 @@ impl PublisherConnection {
         own: Arc<OwnTopic>,
         context: &Context,
     ) -> Arc<Self> {
-        let (io, broker) = (&shared.io.handle, shared.sub_address);
-        let (id, now) = (io.next_id(), Instant::now());
-        let backoff = Backoff::of_process(id);
-        let state = ConnectionState { way: Way::Down(now), backoff, closes: None };
+        let io = Arc::clone(&shared.io.handle);
+        let id = io.next_id();
+        let connection = Connection::new(shared, id, shared.sub_address, topic);
         Arc::new(Self {
             id,
-            broker,
             topic: Bytes::copy_from_slice(topic.as_bytes()),
             hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
-            link: shared.link(&options::endpoint(broker.ip(), broker.port()), topic),
-            keys: shared.keys.clone(),
+            link: Arc::clone(&connection.link),
+            is_sealed: shared.keys.is_some(),
             ledger: Arc::clone(&shared.ledger),
             own,
             context: context.clone(),
-            io: Arc::clone(io),
-            state: Mutex::new(state),
+            io,
+            state: Mutex::new(ConnectionState { connection, inside: None }),
         })
     }
 
@@ -111,7 +84,7 @@ impl PublisherConnection {
 
     /// True where the broker has said that our key may not publish the topic.
     pub(super) fn is_refused(&self) -> bool {
-        matches!(&self.state.lock().way, Way::Up(peer, _) if peer.is_refused)
+        self.state.lock().connection.peer().is_some_and(|peer| peer.is_refused)
     }
 
     /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
@@ -127,7 +100,7 @@ impl PublisherConnection {
             Some(broker) => broker.pass(frames).then_some(()).ok_or(DropReason::SendFailed),
             None => {
                 let of = Some((self.topic.clone(), bytes));
-                self.queue(&Message::new(frames, self.keys.is_some(), of, print))
+                self.queue(&Message::new(frames, self.is_sealed, of, print))
             }
         });
         if sent.is_err() {
@@ -138,149 +111,34 @@ impl PublisherConnection {
 
     /// The broker, where messages go to it itself.
     fn open(&self) -> Result<Option<Inside>, DropReason> {
-        match &self.state.lock().way {
-            Way::Up(peer, inside) if takes_messages(peer) => Ok(inside.clone()),
+        let state = self.state.lock();
+        match state.connection.peer() {
+            Some(peer) if takes_messages(peer) => Ok(state.inside.clone()),
             _ => Err(DropReason::SendFailed),
         }
     }
 
     fn queue(&self, message: &Arc<Message>) -> Result<(), DropReason> {
         let mut state = self.state.lock();
-        let Way::Up(peer, _) = &mut state.way else { return Err(DropReason::SendFailed) };
-        if !takes_messages(peer) {
-            return Err(DropReason::SendFailed);
-        }
+        let peer = state.connection.peer_mut().filter(|peer| takes_messages(peer));
+        let peer = peer.ok_or(DropReason::SendFailed)?;
         peer.queue(message, self.hwm)?;
         if let Err(error) = peer.write() {
-            self.lose(&mut state, Instant::now(), &error);
+            let lost = state.connection.lose(Instant::now(), &error);
             drop(state);
+            self.count_lost(&lost);
             self.context.wake.ring();
             self.io.send(Command::Look(self.id));
         }
         Ok(())
     }
 
-    fn step(
-        &self,
-        state: &mut ConnectionState,
-        now: Instant,
-        registry: &Registry,
-        faults: &mut Throttle,
-    ) -> IoProgress {
-        let closes = state.closes;
-        match &state.way {
-            Way::Down(_) | Way::Begun(..) if closes.is_some() => state.way = Way::Ended,
-            Way::Down(at) if *at > now => return IoProgress::after(*at - now),
-            Way::Down(_) => match connect(self.broker, self.id, registry) {
-                Ok(stream) => state.way = Way::Begun(stream, now),
-                Err(error) => {
-                    let look = self.lose(state, now, &error);
-                    if error.raw_os_error() == Some(zmq::Error::EMFILE.to_raw()) {
-                        self.link.note(link::STARVED);
-                        if let Some(unlogged_before) = faults.pass(now) {
-                            let topic = String::from_utf8_lossy(&self.topic);
-                            let why = contexts::reason(zmq::Error::EMFILE);
-                            tracing::warn!(%topic, unlogged_before, "a ZeroMQ publisher cannot connect: {why}");
-                        }
-                    }
-                    return look;
-                }
-            },
-            _ => {}
-        }
-        if let Way::Begun(stream, since) = &state.way {
-            let left = options::HANDSHAKE.saturating_sub(now.saturating_duration_since(*since));
-            match is_connected(stream) {
-                Ok(true) => {}
-                Ok(false) if !left.is_zero() => return IoProgress::after(left),
-                Ok(false) => return self.lose(state, now, &"it does not take the connection"),
-                Err(error) => return self.lose(state, now, &error),
-            }
-            if let Way::Begun(stream, _) = std::mem::replace(&mut state.way, Way::Ended) {
-                let peer = Peer::new(stream, self.broker, now).of_topic(self.topic.clone());
-                match self.secure(peer) {
-                    Ok(peer) => {
-                        let inside = self.ledger.broker.lock().clone();
-                        let inside = inside.filter(Inside::is_there);
-                        state.way = Way::Up(Box::new(peer), inside);
-                    }
-                    Err(breach) => return self.lose(state, now, &breach),
-                }
-            }
-        }
-        let Way::Up(peer, _) = &mut state.way else { return IoProgress::over() };
-        let mut heard = Vec::new();
-        // At the end too: what is left unread would make the system throw away what it has not sent.
-        let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
-        if read.is_ok() && peer.is_open() && closes.is_none() {
-            _ = self.link.note(link::UP);
-            state.backoff.reset();
-        }
-        peer.is_blocked = false;
-        if !peer.is_alive(now) {
-            return self.lose(state, now, &"it does not answer");
-        }
-        let written = peer.write();
-        if peer.outbox.stands_still(now) {
-            return self.lose(state, now, &"it reads nothing");
-        }
-        let more = match (read, written) {
-            (Ok(more), Ok(())) => more,
-            (Err(why), _) => {
-                if matches!(why, heard::ConnectionEnd::Mechanism { .. }) {
-                    self.link.note(link::SECURED);
-                }
-                return self.lose(state, now, &why);
-            }
-            (_, Err(error)) => return self.lose(state, now, &error),
-        };
-        let waits = peer.is_open() && !peer.outbox.is_empty();
-        if let Some(closes) = closes {
-            if waits && closes > now {
-                return IoProgress::after(closes - now);
-            }
-            return self.end(state);
-        }
-        let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
-        IoProgress { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
-    }
-
-    /// A connection that begins, with CURVE where there are keys.
-    fn secure(&self, peer: Peer) -> Result<Peer, curve::Breach> {
-        let Some(keys) = &self.keys else { return Ok(peer) };
-        let (curve, hello) = Curve::client(keys)?;
-        Ok(peer.secured(curve, Some(hello)))
-    }
-
-    /// Ends the connection; another try follows after a pause. Messages that waited are lost.
-    fn lose(
-        &self,
-        state: &mut ConnectionState,
-        now: Instant,
-        why: &dyn std::fmt::Display,
-    ) -> IoProgress {
-        tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
-        let pause = state.backoff.wait();
-        match std::mem::replace(&mut state.way, Way::Down(now + pause)) {
-            Way::Up(peer, _) => {
-                self.link.disconnected();
-                self.count_lost(&peer, DropReason::ConnectionLost);
-            }
-            _ => _ = self.link.note(link::UNANSWERED),
-        }
-        IoProgress::after(pause)
-    }
-
-    /// Ends the connection for good.
-    fn end(&self, state: &mut ConnectionState) -> IoProgress {
-        if let Way::Up(peer, _) = std::mem::replace(&mut state.way, Way::Ended) {
-            self.count_lost(&peer, DropReason::Closed);
-        }
-        IoProgress::over()
-    }
-
-    fn count_lost(&self, peer: &Peer, reason: DropReason) {
-        for message in peer.outbox.iter().filter_map(Outgoing::message) {
+    /// Counts what waited for a connection that has ended.
+    fn count_lost(&self, turn: &Turn) {
+        let reason =
+            if turn.progress.over { DropReason::Closed } else { DropReason::ConnectionLost };
+        let waiting = turn.ended.iter().flat_map(|peer| peer.outbox.iter());
+        for message in waiting.filter_map(Outgoing::message) {
             if let Some((_, bytes)) = message.of {
                 self.context.counters.undelivered(reason, bytes);
             }
@@ -306,59 +164,39 @@ impl IoEndpoint for Arc<PublisherConnection> {
     ) -> zmq::Result<IoProgress> {
         let mut state = self.state.lock();
         let before = (state.subscriptions(false), self.link.state());
-        let look = self.step(&mut state, now, registry, faults);
+        let turn = state.connection.turn(
+            now,
+            registry,
+            faults,
+            |peer| peer.of_topic(self.topic.clone()),
+            |peer| connection::read(peer, &mut Vec::new(), now),
+        );
+        if turn.is_new {
+            state.inside = self.ledger.broker.lock().clone().filter(Inside::is_there);
+        }
         let after = (state.subscriptions(false), self.link.state());
         drop(state);
+        self.count_lost(&turn);
         if before != after {
             self.context.wake.ring();
         }
-        Ok(look)
+        Ok(turn.progress)
     }
 
     /// Has the connection closed once what waits is sent, or some time has passed.
     fn close(&mut self, now: Instant) {
-        self.link.note(link::ENDED);
-        self.state.lock().closes.get_or_insert(now + options::LINGER);
+        self.state.lock().connection.close(now + options::LINGER);
     }
 }
 
 impl ConnectionState {
     fn subscriptions(&self, named: bool) -> usize {
-        match &self.way {
-            Way::Up(peer, _) => {
-                peer.topics.iter().filter(|topic| !named || !topic.is_empty()).count()
-            }
-            _ => 0,
-        }
+        let topics = self.connection.peer().into_iter().flat_map(|peer| &peer.topics);
+        topics.filter(|topic| !named || !topic.is_empty()).count()
     }
 }
 
 /// False for a connection that has just been made anew: a message before its handshake would end it.
 fn takes_messages(peer: &Peer) -> bool {
     peer.is_open() && !peer.topics.is_empty()
-}
-
-/// Begins a connection, whose events the I/O thread is told.
-fn connect(broker: SocketAddr, id: u64, registry: &Registry) -> std::io::Result<TcpStream> {
-    let stream = TcpStream::from(mio::net::TcpStream::connect(broker)?);
-    options::set_stream(&stream)?;
-    let interest = Interest::READABLE | Interest::WRITABLE;
-    registry.register(&mut SourceFd(&stream.as_raw_fd()), token(id), interest)?;
-    Ok(stream)
-}
-
-/// True when the other side has taken the connection, false while it has not.
-fn is_connected(stream: &TcpStream) -> std::io::Result<bool> {
-    if let Some(error) = stream.take_error()? {
-        return Err(error);
-    }
-    match stream.peer_addr() {
-        // The system may have chosen the port itself, where no program has it: then it is connected to itself.
-        Ok(broker) if broker == stream.local_addr()? => {
-            Err(std::io::ErrorKind::ConnectionRefused.into())
-        }
-        Ok(_) => Ok(true),
-        Err(error) if error.kind() == std::io::ErrorKind::NotConnected => Ok(false),
-        Err(error) => Err(error),
-    }
 }

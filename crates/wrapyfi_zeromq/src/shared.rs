@@ -8,13 +8,15 @@ use super::curve::Keys;
 use super::io::Io;
 use super::ledger::Ledger;
 use super::link::BrokerLink;
+use super::options;
 use super::own_messages::OwnMessages;
 use wrapyfi_endpoint::{Cause, Mutex};
 
 /// State that endpoints need while they are opened.
 pub(super) struct ZeroMqState {
     pub(super) ip: IpAddr,
-    pub(super) pub_endpoint: String,
+    /// Address of the broker for listeners.
+    pub(super) pub_address: SocketAddr,
     /// Address of the broker for publishers.
     pub(super) sub_address: SocketAddr,
     pub(super) send_hwm: u16,
@@ -29,6 +31,11 @@ pub(super) struct ZeroMqState {
 }
 
 impl ZeroMqState {
+    /// Address of the broker for listeners, as libzmq's sockets connect to it.
+    pub(super) fn pub_endpoint(&self) -> String {
+        options::endpoint(self.pub_address.ip(), self.pub_address.port())
+    }
+
     /// State of a connection to the broker that is made for a topic.
     pub(super) fn link(&self, broker: &str, topic: &str) -> Arc<BrokerLink> {
         let link = BrokerLink::new(broker, topic, self.keys.as_ref());

@@ -1,4 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's ports, publishers and the check of ports need it.
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's ports, topics and the check of ports need it.
 //!
 //! ```text
 //!   greeting (64 bytes)   signature, version, mechanism
@@ -152,6 +152,11 @@ pub(super) fn properties(socket_type: &str) -> Vec<u8> {
     properties.push(u8::try_from(socket_type.len()).unwrap_or(u8::MAX));
     properties.extend_from_slice(socket_type.as_bytes());
     properties
+}
+
+/// A subscription to a beginning of topics, or its end, as a message.
+pub(super) fn subscription(is_on: bool, topic: &[u8]) -> Bytes {
+    [&[u8::from(is_on)][..], topic].concat().into()
 }
 
 /// A command with this body.
