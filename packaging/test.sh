@@ -95,7 +95,7 @@ use() {
     local program
     program=$root/$(inside sh -c "command -v ${*: -1}")
     ! grep -qF -e "$here/" -e "${CARGO_HOME:-$HOME/.cargo}/" -e "$(rustc --print sysroot)/" "$program" || fail "the program has paths of the machine that built it"
-    # The one with libzmq and libjpeg-turbo inside is to be small as a file that is loaded down.
+    # The one with libjpeg-turbo inside is to be small as a file that is loaded down.
     [ "$kind" != wheel ] || program=$file
     [ "$(stat -Lc %s "$program")" -le $((20 * 1024 * 1024)) ] || fail "$program is of $(stat -Lc %s "$program") bytes"
     local version

@@ -20,11 +20,10 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PAGE = ROOT / "THIRD_PARTY.md"
 BEGIN, END = "<!-- by scripts/licences.py --write -->\n", "<!-- to here -->\n"
 # A crate that needs one of these to be built may have C in it, or link it.
-OF_C = {"bindgen", "cc", "cmake", "pkg_config", "system_deps", "zeromq_src"}
-# Loaded when the program starts; in the wheels they are inside, and libsodium and what zig links with them.
-LINKED = {"libjpeg-turbo": "IJG AND BSD-3-Clause AND Zlib", "libzmq": "LGPL-3.0-or-later OR MPL-2.0"}
-IN_WHEELS = {"compiler-rt": "MIT", "libc++": "Apache-2.0 WITH LLVM-exception", "libc++abi": "Apache-2.0 WITH LLVM-exception",
-             "libsodium": "ISC", "libunwind": "Apache-2.0 WITH LLVM-exception"}
+OF_C = {"bindgen", "cc", "cmake", "pkg_config", "system_deps"}
+# Loaded when the program starts; in the wheels it is inside, and what zig links with it.
+LINKED = {"libjpeg-turbo": "IJG AND BSD-3-Clause AND Zlib"}
+IN_WHEELS = {"compiler-rt": "MIT", "libunwind": "Apache-2.0 WITH LLVM-exception"}
 TEXTS = ("licen", "copying", "copyright", "notice", "unlicense")
 
 
@@ -66,7 +65,7 @@ def texts(packages):
     found = {}
     for package in packages:
         folder = pathlib.Path(package["manifest_path"]).parent
-        # CycloneDDS and libzmq lie in folders of the crates that bring them.
+        # CycloneDDS lies in a folder of the crate that brings it.
         files = [file for place in (folder, folder / "cyclonedds") if place.is_dir() for file in sorted(place.iterdir())
                  if file.is_file() and file.name.lower().startswith(TEXTS)]
         name = f"{package['name']} {package['version']}"

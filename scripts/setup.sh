@@ -47,7 +47,7 @@ apt_packages() {
 }
 
 build() {
-    apt_packages build-essential cmake libclang-dev libturbojpeg0-dev libzmq3-dev pkg-config
+    apt_packages build-essential cmake libclang-dev libturbojpeg0-dev pkg-config
     rust
 }
 
@@ -187,7 +187,7 @@ build)
     ;;
 test)
     build
-    apt_packages iproute2 python3-venv
+    apt_packages iproute2 libzmq3-dev python3-venv
     workspace_tools
     fast_dds
     ros1_messages

@@ -241,7 +241,7 @@ mv "$workspace/src" "$workspace/src.away"
 (
     cd "$foreign"
     CARGO_TARGET_DIR=$workspace/build/wrapyfi_cargo \
-        cargo run --quiet --profile "$profile" --config "$core/wrapyfi_core/cargo-config.toml"
+        cargo run --quiet --profile "$profile"
 ) >"$workspace/foreign.out" 2>>"$log" || { mv "$workspace/src.away" "$workspace/src"; fail "the foreign crate does not build"; }
 mv "$workspace/src.away" "$workspace/src"
 [ "$(cat "$workspace/foreign.out")" = 67108864 ] || fail "the foreign crate says $(cat "$workspace/foreign.out")"

@@ -16,15 +16,14 @@ if [ "$("$tools/bin/maturin" --version 2>/dev/null)" != "maturin $MATURIN_VERSIO
     "${PYTHON3:-/usr/bin/python3}" -m venv --clear "$tools"
     "$tools/bin/pip" install --quiet --disable-pip-version-check "maturin==$MATURIN_VERSION" "ziglang==$ZIG_VERSION"
 fi
-# Outside: in the repository Cargo reads that the system's libzmq is linked.
 staged=$(mktemp -d)
 trap 'rm -rf "$staged"' EXIT
-mkdir -p "$staged"/{.cargo,licenses}
+mkdir -p "$staged/licenses"
 scripts/licences.py --texts "$staged/licenses/licenses-of-crates.txt"
-# What zig links in place of the system's libstdc++ and libgcc.
+# What zig links in place of the system's libgcc.
 zig=$("$tools/bin/python" -c 'import ziglang; print(*ziglang.__path__)')
 cp "$zig/LICENSE" "$staged/licenses/zig"
-for part in libcxx libcxxabi libunwind; do cp "$zig/lib/$part/LICENSE.TXT" "$staged/licenses/llvm-$part"; done
+cp "$zig/lib/libunwind/LICENSE.TXT" "$staged/licenses/llvm-libunwind"
 cp -r packaging/wheel "$staged/wrapyfi_ros2"
 cp -rL wrapyfi_rs "$staged/wrapyfi_rs" # the package of messages is a link to wrapyfi_py
 
@@ -36,11 +35,6 @@ for processor in "${@:-$(uname -m)}"; do
     libraries=$root/target/package/libraries/$processor
     packaging/wheel/libraries.sh "$processor" "$libraries"
     export TURBOJPEG_LIB_DIR=$libraries/lib TURBOJPEG_INCLUDE_DIR=$libraries/include
-    cat >"$staged/.cargo/config.toml" <<END_OF_CONFIG
-[target.$processor-unknown-linux-gnu.zmq]
-rustc-link-search = ["native=$libraries/lib"]
-rustc-link-lib = ["static=zmq", "static=sodium", "c++"]
-END_OF_CONFIG
     for package in wrapyfi_ros2 wrapyfi_rs; do
         cp -r LICENSE-* THIRD_PARTY.md "$staged/licenses" "$staged/$package"
         cp "$libraries"/licenses/* "$staged/$package/licenses"

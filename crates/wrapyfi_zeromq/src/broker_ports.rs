@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
-use std::net::IpAddr;
-use std::os::fd::RawFd;
+use std::net::{IpAddr, SocketAddr};
+use std::os::fd::AsFd as _;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use mio::Registry;
 
 use super::config::{NAME, ZeroMqConfig};
 use super::curve::Keys;
@@ -70,9 +72,9 @@ impl BrokerPorts {
     }
 
     /// Wait for something to happen at a port, for `wait_ms` at most.
-    pub(super) fn waits(&self, wait_ms: i64) -> Wait {
+    pub(super) fn waits(&self, time: Duration) -> Wait {
         let ports = [&self.front, &self.back];
-        Wait { ports: ports.map(Front::fd), unread: ports.map(Front::is_unread), wait_ms }
+        Wait { ports: ports.map(Front::registry), unread: ports.map(Front::is_unread), time }
     }
 
     /// Looks for peers that are dead, and gives memory back.
@@ -94,21 +96,20 @@ impl BrokerPorts {
 
 /// Wait for something to happen at a port.
 pub(super) struct Wait {
-    ports: [RawFd; 2],
+    ports: [Arc<Registry>; 2],
     /// Sides with more to be read, which are not waited for.
     unread: [bool; 2],
-    wait_ms: i64,
+    time: Duration,
 }
 
 impl Wait {
     /// The ports where something happened, `None` when it is time to stop.
-    pub(super) fn on(self, stop: &Stop) -> zmq::Result<Option<[bool; 2]>> {
+    pub(super) fn on(self, stop: &Stop) -> std::io::Result<Option<[bool; 2]>> {
         let [front_unread, back_unread] = self.unread;
-        let wait_ms = if front_unread || back_unread { 0 } else { self.wait_ms };
-        let [front, back] = self.ports.map(|port| zmq::PollItem::from_fd(port, zmq::POLLIN));
-        let mut items = [front, back, stop.poll_item()];
-        zmq::poll(&mut items, wait_ms)?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
+        let time = if front_unread || back_unread { Duration::ZERO } else { self.time };
+        let [front, back] = &self.ports;
+        let [front, back, stop] =
+            options::readable([front.as_fd(), back.as_fd(), stop.as_fd()], time)?;
         Ok((!stop).then_some([front || front_unread, back || back_unread]))
     }
 }
@@ -118,7 +119,7 @@ fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
     match error.kind() {
         ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port, owner: owner(port) },
         ErrorKind::AddrNotAvailable => BrokerError::NotHere(ip),
-        _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
+        _ => failed_to(&format!("bind {}", options::endpoint(SocketAddr::new(ip, port))))(error),
     }
 }
 

@@ -1,21 +1,21 @@
 //! Calls a service through the broker.
 //!
 //! ```text
-//!   send ─ JSON ─▶ Calls ── the broker is reached ──▶ mark, "", JSON ──▶ ServiceConnection
-//!   take ◀─ payload, error ◀─ mark: whose call, which form ◀─────────── ServiceConnection
+//!   send ─ JSON ─▶ Calls ── the broker is reached ──▶ mark, "", JSON ──▶ Exchange
+//!   take ◀─ payload, error ◀─ mark: whose call, which form ◀─────────── Exchange
 //! ```
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
 use bytes::Bytes;
 
 use super::envelope::{self, ServiceMessage};
+use super::exchange::{Delivery, Exchange, ServiceRole, Unusable};
 use super::ledger::Ledger;
-use super::service_connection::{
-    Delivery, ServiceConnection, ServiceHandle, ServiceRole, Unusable,
-};
 use super::shared::ZeroMqState;
+use super::socket::Socket;
 use super::{deadline, zmtp};
 use crate::codec::mark::{self, Content, Kind, Mark};
 use wrapyfi_data::EncodeResult;
@@ -23,7 +23,7 @@ use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Context, DropReason, Link, OpenResult, Request, ServiceSpec};
+use wrapyfi_endpoint::{CallError, Context, DropReason, Link, Request, ServiceSpec};
 
 /// A request until it is sent.
 pub(super) struct Outgoing {
@@ -34,7 +34,7 @@ pub(super) struct Outgoing {
 /// Calls the service on one pair of ports.
 pub(super) struct ZeroMqClient {
     spec: ServiceSpec,
-    handle: Arc<ServiceHandle>,
+    socket: Arc<Socket<Exchange>>,
     ledger: Arc<Ledger>,
     number: i64,
 }
@@ -42,19 +42,18 @@ pub(super) struct ZeroMqClient {
 impl ZeroMqClient {
     pub(super) fn open(
         shared: &ZeroMqState,
-        endpoint: &str,
+        broker: SocketAddr,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> OpenResult<WireClient<Self>> {
+    ) -> WireClient<Self> {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let handle =
-            ServiceConnection::open(shared, endpoint, ServiceRole::Client, &spec, context)?;
+        let socket = Exchange::open(shared, broker, ServiceRole::Client, &spec, context);
         shared.ledger.enter(zmtp::Kind::Dealer, &spec.service, &context.counters);
         let (service, pending) = (spec.service.clone(), spec.pending);
         let ledger = Arc::clone(&shared.ledger);
-        Ok(WireClient::new(Self { spec, handle, ledger, number: 0 }, &service, pending, context))
+        WireClient::new(Self { spec, socket, ledger, number: 0 }, &service, pending, context)
     }
 
     fn deliver(&self, delivery: &Delivery, calls: &mut Calls<Outgoing>) {
@@ -62,8 +61,8 @@ impl ZeroMqClient {
         let call = mark.and_then(|mark| Some((mark, i64::try_from(mark.number).ok()?)));
         let Some((mark, number)) = call else {
             // No server hands back another envelope than ours.
-            self.handle.context.counters.received(delivery.wire_bytes);
-            self.handle.context.counters.dropped(DropReason::Malformed);
+            self.socket.context.counters.received(delivery.wire_bytes);
+            self.socket.context.counters.dropped(DropReason::Malformed);
             return;
         };
         let (spec, body) = (&self.spec, &delivery.body);
@@ -100,7 +99,7 @@ impl ClientWire for ZeroMqClient {
     }
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
-        while self.handle.link.is_up() && calls.next_to_send().is_some() {
+        while self.socket.link.is_up() && calls.next_to_send().is_some() {
             self.number += 1;
             let Some(Outgoing { body, deadline }) = calls.send(self.number) else { break };
             let content = Content::of(self.spec.kind.message_type());
@@ -108,15 +107,15 @@ impl ClientWire for ZeroMqClient {
                 deadline::request(content, self.number.unsigned_abs(), deadline, calls.clock());
             let envelope = vec![Bytes::from(mark.encode())];
             // A request counts with its call, and finds room.
-            _ = self.handle.send(ServiceMessage { envelope, body }, Some(deadline));
+            _ = self.socket.post(ServiceMessage { envelope, body }, Some(deadline));
         }
-        while let Some(delivery) = self.handle.take() {
+        while let Some(delivery) = self.socket.take() {
             self.deliver(&delivery, calls);
         }
     }
 
     fn missing(&self, stage: Stage) -> String {
-        match (stage, self.handle.link.waiting_for()) {
+        match (stage, self.socket.link.waiting_for()) {
             (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
             (Stage::Waiting, None) => "the broker was reached too late".to_owned(),
             (Stage::Sent, Some(what)) => {
@@ -136,12 +135,12 @@ impl ClientWire for ZeroMqClient {
     fn link(&self) -> Link {
         // A broker does not tell clients who serves; the one in this process does.
         let peers = *self.ledger.servers.lock();
-        Link { peers, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
+        Link { peers, waiting_for: self.socket.link.waiting_for(), keeps_last: false }
     }
 }
 
 impl Drop for ZeroMqClient {
     fn drop(&mut self) {
-        self.handle.close();
+        self.socket.close();
     }
 }

@@ -1,4 +1,4 @@
-//! The connection of a publisher or a listener to its port of the broker, made again when it ends.
+//! A connection to a port of the broker, made again when it ends.
 //!
 //! ```text
 //!   Down ── the pause is over ──▶ Begun ── the broker takes it ──▶ Up: Peer
@@ -16,16 +16,16 @@ use std::time::{Duration, Instant};
 
 use mio::unix::SourceFd;
 use mio::{Interest, Registry};
+use rustix::io::Errno;
 
 use super::curve::{self, Curve, Keys};
 use super::heard::{ConnectionEnd, Heard};
 use super::io::{IoProgress, token};
 use super::link::{self, BrokerLink};
+use super::options;
 use super::peer::Peer;
-use super::shared::ZeroMqState;
-use super::{contexts, options};
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{DropReason, Throttle};
 
 /// Shortest time between two looks at a connection to which nothing happens.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -33,19 +33,63 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// Bytes read at once.
 const READ_BYTES: usize = 16 * 1024;
 
+/// Part that a socket plays on its connection.
+pub(super) trait SocketRole: Send + 'static {
+    /// Makes of a new connection the peer that it is.
+    fn begin(&mut self, peer: Peer) -> Peer;
+
+    /// Reads what has come; true when that was too much for one turn.
+    ///
+    /// # Errors
+    /// Why the connection ends.
+    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd>;
+
+    /// Queues the next that waits, at an open connection; false where there is none.
+    fn write(&mut self, _peer: &mut Peer) -> bool {
+        false
+    }
+
+    /// True while something waits that [`Self::write`] had no room for.
+    fn waits(&self) -> bool {
+        false
+    }
+
+    /// Takes note of the end of a connection, and of what it had not sent.
+    fn ended(&mut self, _peer: &Peer, _reason: DropReason) {}
+
+    /// Instant at which the role must be looked at although nothing happens.
+    fn next_look(&self) -> Option<Instant> {
+        None
+    }
+
+    /// Number whose change is news for the owner.
+    fn seen(&self, _connection: &Connection) -> usize {
+        0
+    }
+
+    /// Takes note of the end of the socket.
+    fn end(&mut self) {}
+}
+
 /// A connection to the broker, and the pauses between its tries.
 pub(super) struct Connection {
-    id: u64,
+    pub(super) id: u64,
     broker: SocketAddr,
-    /// Topic that it is for.
-    topic: String,
+    /// Topic or service that it is for; empty where it is for all.
+    name: String,
     pub(super) link: Arc<BrokerLink>,
     /// Keys of this process, where connections are to have CURVE.
     keys: Option<Arc<Keys>>,
     way: Way,
     backoff: Backoff,
-    /// Instant until which what waits is still sent, because the endpoint is closed.
+    /// Instant until which what waits is still sent, because the socket is closed.
     closes: Option<Instant>,
+    /// A second descriptor of the connection, for threads that wait for it by themselves.
+    stream: Option<Arc<TcpStream>>,
+    /// True while such a thread watches the connection, and the I/O thread does not.
+    is_lent: bool,
+    /// True where the I/O thread is told of what can be read only, and not of room to write.
+    is_narrow: bool,
 }
 
 /// State of the connection.
@@ -58,28 +102,27 @@ enum Way {
     Ended,
 }
 
-/// Result of one turn of a connection.
-#[derive(Default)]
-pub(super) struct Turn {
-    pub(super) progress: IoProgress,
-    /// True where the broker has just taken the connection.
-    pub(super) is_new: bool,
-    /// The end of the connection that was lost or closed in this turn, with what waited for it.
-    pub(super) ended: Option<Box<Peer>>,
-}
-
 impl Connection {
-    /// A connection of `topic` to `broker`, which the I/O thread makes.
-    pub(super) fn new(shared: &ZeroMqState, id: u64, broker: SocketAddr, topic: &str) -> Self {
+    /// A connection for `name` to `broker`.
+    pub(super) fn new(
+        id: u64,
+        broker: SocketAddr,
+        name: &str,
+        link: Arc<BrokerLink>,
+        keys: Option<&Arc<Keys>>,
+    ) -> Self {
         Self {
             id,
             broker,
-            topic: topic.to_owned(),
-            link: shared.link(&options::endpoint(broker.ip(), broker.port()), topic),
-            keys: shared.keys.clone(),
+            name: name.to_owned(),
+            link,
+            keys: keys.cloned(),
             way: Way::Down(Instant::now()),
             backoff: Backoff::of_process(id),
             closes: None,
+            stream: None,
+            is_lent: false,
+            is_narrow: false,
         }
     }
 
@@ -104,26 +147,23 @@ impl Connection {
         self.closes.is_some()
     }
 
-    /// Makes the connection where its time has come, reads it by `read`, and writes what waits. `begin` makes of a new
-    /// connection the peer that it is.
+    /// Makes the connection where its time has come, reads it and writes what waits.
     pub(super) fn turn(
         &mut self,
+        role: &mut impl SocketRole,
         now: Instant,
         registry: &Registry,
         faults: &mut Throttle,
-        begin: impl FnOnce(Peer) -> Peer,
-        read: impl FnOnce(&mut Peer) -> Result<bool, ConnectionEnd>,
-    ) -> Turn {
-        let mut is_new = false;
+    ) -> IoProgress {
         match &self.way {
             Way::Down(_) | Way::Begun(..) if self.is_closed() => self.way = Way::Ended,
-            Way::Down(at) if *at > now => return Turn::of(IoProgress::after(*at - now)),
+            Way::Down(at) if *at > now => return IoProgress::after(*at - now),
             Way::Down(_) => match connect(self.broker, self.id, registry) {
                 Ok(stream) => self.way = Way::Begun(stream, now),
                 Err(error) => {
-                    let turn = self.lose(now, &error);
+                    let progress = self.lose(role, now, &error);
                     self.tell_starved(&error, now, faults);
-                    return turn;
+                    return progress;
                 }
             },
             _ => {}
@@ -132,95 +172,195 @@ impl Connection {
             let left = options::HANDSHAKE.saturating_sub(now.saturating_duration_since(*since));
             match is_connected(stream) {
                 Ok(true) => {}
-                Ok(false) if !left.is_zero() => return Turn::of(IoProgress::after(left)),
-                Ok(false) => return self.lose(now, &"it does not take the connection"),
-                Err(error) => return self.lose(now, &error),
+                Ok(false) if !left.is_zero() => return IoProgress::after(left),
+                Ok(false) => return self.lose(role, now, &"it does not take the connection"),
+                Err(error) => return self.lose(role, now, &error),
             }
             if let Way::Begun(stream, _) = std::mem::replace(&mut self.way, Way::Ended) {
-                let peer = begin(Peer::new(stream, self.broker, now));
+                let peer = role.begin(Peer::new(stream, self.broker, now).connecting());
                 match self.secure(peer) {
                     Ok(peer) => self.way = Way::Up(Box::new(peer)),
-                    Err(breach) => return self.lose(now, &breach),
+                    Err(breach) => return self.lose(role, now, &breach),
                 }
-                is_new = true;
             }
         }
-        Turn { is_new, ..self.use_open(now, read) }
+        self.use_open(role, now, registry)
     }
 
-    /// Reads a connection that the broker has taken, by `read`, and writes what waits.
+    /// Reads a connection that the broker has taken, and writes what waits.
     pub(super) fn use_open(
         &mut self,
+        role: &mut impl SocketRole,
         now: Instant,
-        read: impl FnOnce(&mut Peer) -> Result<bool, ConnectionEnd>,
-    ) -> Turn {
+        registry: &Registry,
+    ) -> IoProgress {
         let closes = self.closes;
-        let Way::Up(peer) = &mut self.way else { return Turn::of(IoProgress::over()) };
+        let Way::Up(peer) = &mut self.way else { return IoProgress::over() };
         // At the end too: what is left unread would make the system throw away what it has not sent.
-        let read = read(peer);
-        if read.is_ok() && peer.is_open() && closes.is_none() {
+        let read = role.read(peer, now);
+        if read.is_ok() && peer.is_open() && closes.is_none() && self.link.state() != link::DENIED {
             _ = self.link.note(link::UP);
             self.backoff.reset();
         }
         peer.is_blocked = false;
         if !peer.is_alive(now) {
-            return self.lose(now, &"it does not answer");
+            return self.lose(role, now, &"it does not answer");
         }
-        let written = peer.write();
-        if peer.outbox.stands_still(now) {
-            return self.lose(now, &"it reads nothing");
-        }
-        let more = match (read, written) {
-            (Ok(more), Ok(())) => more,
-            (Err(why), _) => return self.lose_for(now, &why),
-            (_, Err(error)) => return self.lose(now, &error),
+        let more = match read {
+            Ok(more) => more,
+            Err(why) => {
+                // Words that say why we leave.
+                _ = peer.write();
+                if matches!(why, ConnectionEnd::Mechanism { .. }) {
+                    self.link.note(link::SECURED);
+                }
+                return self.lose(role, now, &why);
+            }
         };
-        let waits = peer.is_open() && !peer.outbox.is_empty();
+        if !self.write(role, registry, now) {
+            return self.pause(now);
+        }
+        let Way::Up(peer) = &mut self.way else { return IoProgress::over() };
+        if peer.outbox.stands_still(now) {
+            return self.lose(role, now, &"it reads nothing");
+        }
+        let waits = peer.is_open() && (!peer.outbox.is_empty() || role.waits());
         if let Some(closes) = closes {
             if waits && closes > now {
-                return Turn::of(IoProgress::after(closes - now));
+                return IoProgress::after(closes - now);
             }
-            let Way::Up(peer) = std::mem::replace(&mut self.way, Way::Ended) else {
-                return Turn::of(IoProgress::over());
-            };
-            return Turn { ended: Some(peer), ..Turn::of(IoProgress::over()) };
+            if let Way::Up(peer) = std::mem::replace(&mut self.way, Way::Ended) {
+                role.ended(&peer, DropReason::Closed);
+            }
+            return IoProgress::over();
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
-        Turn::of(IoProgress { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false })
+        let held = role.next_look().map(|at| at.saturating_duration_since(now));
+        let timeout = held.into_iter().chain([quiet.max(LOOK_EVERY)]).min();
+        IoProgress { more, timeout, over: false }
     }
 
-    /// Ends the connection because of what the broker said.
-    pub(super) fn lose_for(&mut self, now: Instant, why: &ConnectionEnd) -> Turn {
-        if matches!(why, ConnectionEnd::Mechanism { .. }) {
-            self.link.note(link::SECURED);
+    /// Writes as much of what waits as there is room for; false where the connection has ended by it.
+    pub(super) fn write(
+        &mut self,
+        role: &mut impl SocketRole,
+        registry: &Registry,
+        now: Instant,
+    ) -> bool {
+        let Way::Up(peer) = &mut self.way else { return true };
+        let written = loop {
+            let written = peer.write();
+            let has_room = peer.is_open() && peer.outbox.is_empty();
+            if written.is_err() || !has_room || !role.write(peer) {
+                break written;
+            }
+        };
+        let is_blocked = !peer.outbox.is_empty();
+        // Whoever watches the connection is to be told of room.
+        let widened = match is_blocked && self.is_narrow && !self.is_lent {
+            true => self.watch(registry, Interest::READABLE | Interest::WRITABLE, true),
+            false => Ok(()),
+        };
+        match written.and(widened) {
+            Ok(()) => true,
+            Err(error) => {
+                self.lose(role, now, &error);
+                false
+            }
         }
-        self.lose(now, why)
     }
 
     /// Ends the connection; another try follows after a pause.
-    pub(super) fn lose(&mut self, now: Instant, why: &dyn std::fmt::Display) -> Turn {
-        tracing::debug!(broker = %self.broker, topic = self.topic, %why, "a connection ended");
+    fn lose(
+        &mut self,
+        role: &mut impl SocketRole,
+        now: Instant,
+        why: &dyn std::fmt::Display,
+    ) -> IoProgress {
+        tracing::debug!(broker = %self.broker, name = self.name, %why, "a connection ended");
         let pause = self.backoff.wait();
-        let ended = match std::mem::replace(&mut self.way, Way::Down(now + pause)) {
+        match std::mem::replace(&mut self.way, Way::Down(now + pause)) {
             Way::Up(peer) => {
                 self.link.disconnected();
-                Some(peer)
+                role.ended(&peer, DropReason::ConnectionLost);
             }
-            _ => {
-                self.link.note(link::UNANSWERED);
-                None
-            }
+            _ => _ = self.link.note(link::UNANSWERED),
+        }
+        (self.stream, self.is_lent, self.is_narrow) = (None, false, false);
+        IoProgress::after(pause)
+    }
+
+    /// Time until the next try, of a connection that has ended.
+    fn pause(&self, now: Instant) -> IoProgress {
+        match self.way {
+            Way::Down(at) => IoProgress::after(at.saturating_duration_since(now)),
+            _ => IoProgress::over(),
+        }
+    }
+
+    /// True while a thread that waits watches the connection by itself.
+    pub(super) fn is_lent(&self) -> bool {
+        self.is_lent
+    }
+
+    /// The connection, for a thread that will watch it by itself; `None` where the I/O thread has to see to it, or
+    /// another thread watches it.
+    pub(super) fn lend(&mut self, registry: &Registry) -> Option<Arc<TcpStream>> {
+        let Way::Up(peer) = &mut self.way else { return None };
+        // Bytes that are not sent yet wait for an event that tells of room.
+        if self.is_lent || !peer.is_open() || !peer.outbox.is_empty() {
+            return None;
+        }
+        let stream = match &self.stream {
+            Some(stream) => Arc::clone(stream),
+            None => Arc::new(peer.stream.try_clone().ok()?),
         };
-        Turn { ended, ..Turn::of(IoProgress::after(pause)) }
+        registry.deregister(&mut SourceFd(&peer.stream.as_raw_fd())).ok()?;
+        (self.is_lent, self.stream) = (true, Some(Arc::clone(&stream)));
+        Some(stream)
+    }
+
+    /// Has the I/O thread watch the connection again; false where the connection has ended by it.
+    pub(super) fn give_back(&mut self, role: &mut impl SocketRole, registry: &Registry) -> bool {
+        let (true, Way::Up(peer)) = (self.is_lent, &self.way) else { return true };
+        self.is_lent = false;
+        // Room would be told at once.
+        let is_narrow = peer.outbox.is_empty();
+        let interest =
+            if is_narrow { Interest::READABLE } else { Interest::READABLE | Interest::WRITABLE };
+        let watched = self.watch(registry, interest, false);
+        if let Err(error) = &watched {
+            self.lose(role, Instant::now(), error);
+        }
+        watched.is_ok()
+    }
+
+    fn watch(
+        &mut self,
+        registry: &Registry,
+        interest: Interest,
+        again: bool,
+    ) -> std::io::Result<()> {
+        let Way::Up(peer) = &self.way else { return Ok(()) };
+        self.is_narrow = !interest.is_writable();
+        let (fd, token) = (peer.stream.as_raw_fd(), token(self.id));
+        match again {
+            true => registry.reregister(&mut SourceFd(&fd), token, interest),
+            false => registry.register(&mut SourceFd(&fd), token, interest),
+        }
     }
 
     /// Says that the process may open no more files, where that is the `error`.
     fn tell_starved(&self, error: &std::io::Error, now: Instant, faults: &mut Throttle) {
-        if error.raw_os_error() == Some(zmq::Error::EMFILE.to_raw()) {
+        if Errno::from_io_error(error) == Some(Errno::MFILE) {
             self.link.note(link::STARVED);
             if let Some(unlogged_before) = faults.pass(now) {
-                let (topic, why) = (&self.topic, contexts::reason(zmq::Error::EMFILE));
-                tracing::warn!(topic, unlogged_before, "a ZeroMQ topic cannot connect: {why}");
+                tracing::warn!(
+                    name = self.name,
+                    unlogged_before,
+                    "a ZeroMQ socket cannot connect: the process is at its limit of open files: raise that (ulimit -n, \
+                     LimitNOFILE)"
+                );
             }
         }
     }
@@ -230,12 +370,6 @@ impl Connection {
         let Some(keys) = &self.keys else { return Ok(peer) };
         let (curve, hello) = Curve::client(keys)?;
         Ok(peer.secured(curve, Some(hello)))
-    }
-}
-
-impl Turn {
-    fn of(progress: IoProgress) -> Self {
-        Self { progress, ..Self::default() }
     }
 }
 

@@ -118,14 +118,6 @@ pub enum CurveError {
     /// The program has no CURVE.
     #[error("this program was built without CURVE: build it with the feature `curve`")]
     NotBuilt,
-    /// The library that the program is linked with has no CURVE.
-    #[error(
-        "libzmq of this program was built without CURVE, as the one is that the crate zmq-sys brings: link the \
-         system's (Debian and Ubuntu: libzmq3-dev), as .cargo/config.toml in the sources does, or by \
-         cargo install --config 'target.{}-unknown-linux-gnu.zmq.rustc-link-lib=[\"zmq\"]'",
-        std::env::consts::ARCH
-    )]
-    NotInLibzmq,
     /// A file of a key cannot be read.
     #[error("the CURVE key file {} cannot be read: {reason}", path.display())]
     Unreadable {

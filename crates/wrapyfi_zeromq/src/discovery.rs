@@ -14,17 +14,21 @@
 //! A publisher that sends nothing cannot be seen: ZeroMQ has no word for it.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::io::ErrorKind;
 use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use mio::{Events, Poll};
 
 use super::codec::looks_like;
 use super::config::NAME;
-use super::frames::{Received, receive};
-use super::link::{self, BrokerLink, Watch};
-use super::options;
+use super::connection::{self, Connection, SocketRole};
+use super::heard::{ConnectionEnd, Heard};
+use super::peer::Peer;
 use super::shared::ZeroMqState;
 use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable};
-use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
+use super::zmtp::Kind;
+use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Role, Throttle, Traffic};
 
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
@@ -32,16 +36,25 @@ const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
 const MAX_TOLD_BYTES: usize = 4 << 20;
 /// Topics kept of what we see ourselves.
 const MAX_TOPICS: usize = 4096;
-/// Messages taken at once.
-const BATCH: usize = 1024;
+/// Longest time that one look may wait for a handshake, which takes a millisecond on one host.
+const HANDSHAKE_NEARBY: Duration = Duration::from_millis(20);
 
 /// Looks at one broker.
 pub(super) struct ZeroMqDiscovery {
-    monitor_topic: String,
-    /// Socket and watch; none once it is dropped.
-    connection: Option<(zmq::Socket, Watch)>,
-    link: Arc<BrokerLink>,
+    connection: Connection,
+    seen: Seen,
+    /// Where the connection tells that something has come.
+    poll: Poll,
+    faults: Throttle,
     reached_at: Option<Instant>,
+}
+
+/// What has come from the broker.
+struct Seen {
+    monitor_topic: String,
+    subscribes: Vec<String>,
+    /// Bytes of a message that is read.
+    most_bytes: usize,
     /// True while everything is subscribed to.
     sees_all: bool,
     has_table: bool,
@@ -53,76 +66,112 @@ pub(super) struct ZeroMqDiscovery {
 
 impl ZeroMqDiscovery {
     pub(super) fn new(shared: &ZeroMqState, monitor_topic: &str) -> Result<Self, DiscoverError> {
-        let link = BrokerLink::new(&shared.pub_endpoint(), "", shared.keys.as_ref());
-        let connection = shared
-            .contexts
-            .open(|context| open(context, shared, &link, monitor_topic))
-            .map_err(|error| transport(&error))?;
+        let asks = format!("{ASKS_FOR_COUNTS}{}", std::process::id());
         Ok(Self {
-            monitor_topic: monitor_topic.to_owned(),
-            connection: Some(connection),
-            link,
+            connection: shared.unlisted(shared.pub_address, ""),
+            seen: Seen {
+                monitor_topic: monitor_topic.to_owned(),
+                subscribes: vec![monitor_topic.to_owned(), TRAFFIC_TOPIC.to_owned(), asks],
+                most_bytes: shared.max_frame_bytes,
+                sees_all: false,
+                has_table: false,
+                listeners: None,
+                topics: BTreeMap::new(),
+            },
+            poll: Poll::new().map_err(|error| transport(&error))?,
+            faults: Throttle::default(),
             reached_at: None,
-            sees_all: false,
-            has_table: false,
-            listeners: None,
-            topics: BTreeMap::new(),
         })
     }
 
     /// Subscribes to what begins with `prefix` from the start, and sees what passes there.
-    pub(super) fn subscribed(mut self, prefix: &str) -> Result<Self, DiscoverError> {
-        if let Some((socket, _)) = &self.connection {
-            socket.set_subscribe(prefix.as_bytes()).map_err(|error| transport(&error))?;
-            self.sees_all = true;
-        }
-        Ok(self)
+    pub(super) fn subscribed(mut self, prefix: &str) -> Self {
+        self.seen.subscribes.push(prefix.to_owned());
+        self.seen.sees_all = true;
+        self
     }
 
-    fn read(&mut self) -> zmq::Result<()> {
-        for _ in 0..BATCH {
-            let Some((socket, _)) = &self.connection else { return Ok(()) };
-            let Some(Received { frames, count, bytes }) = receive(socket, usize::MAX)? else {
+    /// Takes turns of the connection until nothing more has come, or for the time that a handshake takes nearby.
+    fn turns(&mut self) -> std::io::Result<()> {
+        let until = Instant::now() + HANDSHAKE_NEARBY;
+        let mut events = Events::with_capacity(8);
+        loop {
+            let now = Instant::now();
+            let Self { connection, seen, poll, faults, .. } = self;
+            let progress = connection.turn(seen, now, poll.registry(), faults);
+            let is_open = connection.peer().is_some_and(Peer::is_open);
+            if now >= until || (is_open && !progress.more) || connection.link.has_failed() {
                 return Ok(());
-            };
-            let (Some(first), body) = (frames.first(), frames.get(1..)) else { continue };
-            let body: &[u8] = body.and_then(<[_]>::last).map_or(&[], |last| last);
-            let Ok(topic) = std::str::from_utf8(first) else { continue };
-            if topic == self.monitor_topic {
-                if let Some(counts) = read_counts(body) {
-                    self.listeners = Some(counts);
-                }
-            } else if topic == TRAFFIC_TOPIC {
-                if let Some(topics) = read_table(body) {
-                    (self.topics, self.has_table) = (topics, true);
-                }
-            } else if self.sees_all && !topic.is_empty() {
-                let room = self.topics.len() < MAX_TOPICS || self.topics.contains_key(topic);
-                if room {
-                    let seen = self.topics.entry(topic.to_owned()).or_default();
-                    seen.messages += 1;
-                    seen.bytes = seen.bytes.saturating_add(bytes as u64);
-                    seen.type_name = looks_like(count, body).map(str::to_owned);
-                }
+            }
+            let wait = if progress.more { Duration::ZERO } else { until - now };
+            match self.poll.poll(&mut events, Some(wait)) {
+                Err(error) if error.kind() != ErrorKind::Interrupted => return Err(error),
+                _ => {}
             }
         }
-        Ok(())
     }
 
     /// Subscribes to everything when the broker has shown that it is not ours.
-    fn widen(&mut self, now: Instant) -> zmq::Result<()> {
-        if !self.link.is_up() {
+    fn widen(&mut self, now: Instant) {
+        if !self.connection.link.is_up() {
             self.reached_at = None;
-            return Ok(());
+            return;
         }
         let since = *self.reached_at.get_or_insert(now);
-        if self.has_table || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
-            return Ok(());
+        let seen = &mut self.seen;
+        if seen.has_table || seen.sees_all || now < since + OURS_ANSWERS_WITHIN {
+            return;
         }
-        let Some((socket, _)) = &self.connection else { return Ok(()) };
-        socket.set_subscribe(b"")?;
-        self.sees_all = true;
-        Ok(())
+        let all = String::new();
+        if let Some(peer) = self.connection.peer_mut()
+            && peer.subscribe_to(&all).is_ok()
+        {
+            seen.subscribes.push(all);
+            seen.sees_all = true;
+        }
+    }
+}
+
+impl SocketRole for Seen {
+    fn begin(&mut self, peer: Peer) -> Peer {
+        peer.of_messages(Kind::Xsub, self.most_bytes).subscribing(self.subscribes.clone())
+    }
+
+    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd> {
+        let mut heard = Vec::new();
+        let read = connection::read(peer, &mut heard, now);
+        for said in heard {
+            if let Heard::Message(frames) = said {
+                self.take(&frames);
+            }
+        }
+        read
+    }
+}
+
+impl Seen {
+    fn take(&mut self, frames: &[Bytes]) {
+        let Some((first, behind)) = frames.split_first() else { return };
+        let body: &[u8] = behind.last().map_or(&[], |last| last);
+        let Ok(topic) = std::str::from_utf8(first) else { return };
+        if topic == self.monitor_topic {
+            if let Some(counts) = read_counts(body) {
+                self.listeners = Some(counts);
+            }
+        } else if topic == TRAFFIC_TOPIC {
+            if let Some(topics) = read_table(body) {
+                (self.topics, self.has_table) = (topics, true);
+            }
+        } else if self.sees_all
+            && !topic.is_empty()
+            && (self.topics.len() < MAX_TOPICS || self.topics.contains_key(topic))
+        {
+            let bytes: usize = frames.iter().map(Bytes::len).sum();
+            let seen = self.topics.entry(topic.to_owned()).or_default();
+            seen.messages += 1;
+            seen.bytes = seen.bytes.saturating_add(bytes as u64);
+            seen.type_name = looks_like(frames.len(), body).map(str::to_owned);
+        }
     }
 }
 
@@ -141,35 +190,15 @@ pub(super) fn read_table(body: &[u8]) -> Option<BTreeMap<String, TopicTraffic>> 
     serde_json::from_slice::<TrafficTable>(body).ok().map(|told| told.topics)
 }
 
-fn transport(error: &zmq::Error) -> DiscoverError {
+fn transport(error: &std::io::Error) -> DiscoverError {
     DiscoverError::Transport { middleware: NAME.to_owned(), reason: error.to_string() }
-}
-
-fn open(
-    context: &zmq::Context,
-    shared: &ZeroMqState,
-    link: &Arc<BrokerLink>,
-    monitor_topic: &str,
-) -> zmq::Result<(zmq::Socket, Watch)> {
-    let socket = context.socket(zmq::SUB)?;
-    options::set_common(&socket, shared.ip)?;
-    socket.set_maxmsgsize(options::frame_limit(shared.max_frame_bytes))?;
-    let name = format!("{ASKS_FOR_COUNTS}{}", std::process::id());
-    for topic in [monitor_topic, TRAFFIC_TOPIC, &name] {
-        socket.set_subscribe(topic.as_bytes())?;
-    }
-    link::connect(context, socket, link, shared.keys.as_ref())
 }
 
 impl Discovery for ZeroMqDiscovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
-        let now = Instant::now();
-        if let Some((socket, watch)) = &mut self.connection {
-            watch.take();
-            watch.connect_again(socket, &Wake::new(), now);
-        }
-        self.read().and_then(|()| self.widen(now)).map_err(|error| transport(&error))?;
-        let publishers = self.topics.iter().map(|(name, seen)| Discovered {
+        self.turns().map_err(|error| transport(&error))?;
+        self.widen(Instant::now());
+        let publishers = self.seen.topics.iter().map(|(name, seen)| Discovered {
             type_name: seen.type_name.clone(),
             traffic: Some(Traffic {
                 messages: seen.messages,
@@ -178,7 +207,7 @@ impl Discovery for ZeroMqDiscovery {
             }),
             ..Discovered::new(name, Role::Publisher)
         });
-        let listeners = self.listeners.iter().flatten().map(|(name, count)| Discovered {
+        let listeners = self.seen.listeners.iter().flatten().map(|(name, count)| Discovered {
             count: *count,
             ..Discovered::new(name, Role::Listener)
         });
@@ -188,25 +217,15 @@ impl Discovery for ZeroMqDiscovery {
     }
 
     fn waiting_for(&self) -> Option<Cause> {
-        self.link.waiting_for()
+        self.connection.link.waiting_for()
     }
 
     fn is_complete(&self) -> Option<bool> {
         // Of another's broker whatever passes is new, for as long as we look.
-        Some(if self.link.is_up() {
-            self.has_table && self.listeners.is_some()
+        Some(if self.connection.link.is_up() {
+            self.seen.has_table && self.seen.listeners.is_some()
         } else {
-            self.link.has_failed()
+            self.connection.link.has_failed()
         })
-    }
-}
-
-impl Drop for ZeroMqDiscovery {
-    fn drop(&mut self) {
-        // In this order: see link.rs.
-        if let Some((socket, watch)) = self.connection.take() {
-            drop(socket);
-            watch.see_out();
-        }
     }
 }

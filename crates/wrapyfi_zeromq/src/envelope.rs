@@ -12,8 +12,6 @@ use wrapyfi_endpoint::codec::requests;
 
 /// Frames in front of the empty one: a routing id for each broker on the way, and the mark.
 const MAX_ENVELOPE: usize = 8;
-/// Frames of a message that [`split`] looks at.
-pub(super) const KEPT: usize = MAX_ENVELOPE + 2;
 /// Bytes of all those together; a routing id has at most 255.
 const MAX_ENVELOPE_BYTES: usize = 1024;
 /// Longest text of an error, in bytes.
@@ -27,12 +25,10 @@ pub(super) struct ServiceMessage {
     pub(super) body: Bytes,
 }
 
-/// Envelope of a message of `count` frames, of which `frames` are the first [`KEPT`], and its body, or the number
-/// of frames that stand in place of one; nothing where there is no envelope, so that no program can be answered.
-pub(super) fn split(
-    mut frames: Vec<Bytes>,
-    count: usize,
-) -> Option<(Vec<Bytes>, Result<Bytes, usize>)> {
+/// Envelope of a message of these frames, and its body, or the number of frames that stand in place of one; nothing
+/// where there is no envelope, so that no program can be answered.
+pub(super) fn split(mut frames: Vec<Bytes>) -> Option<(Vec<Bytes>, Result<Bytes, usize>)> {
+    let count = frames.len();
     let end = frames.iter().take(MAX_ENVELOPE + 1).position(Bytes::is_empty)?;
     let body = frames.split_off(end).pop();
     let behind = count.saturating_sub(end + 1);
@@ -67,21 +63,6 @@ impl ServiceMessage {
     pub(super) fn frames(&self, without: usize) -> Vec<Bytes> {
         let outside = self.envelope.iter().skip(without).cloned();
         outside.chain([Bytes::new(), self.body.clone()]).collect()
-    }
-
-    /// Sends without waiting; false when there is no room for it, or no peer to take it.
-    pub(super) fn send(&self, socket: &zmq::Socket) -> zmq::Result<bool> {
-        let empty = Bytes::new();
-        let frames = self.envelope.iter().chain([&empty]);
-        // Only the first frame can find no room: there is room for whole messages or none.
-        for frame in frames {
-            match socket.send(&frame[..], zmq::SNDMORE | zmq::DONTWAIT) {
-                Err(zmq::Error::EAGAIN) => return Ok(false),
-                other => other?,
-            }
-        }
-        socket.send(&self.body[..], zmq::DONTWAIT)?;
-        Ok(true)
     }
 }
 

@@ -101,7 +101,7 @@ pub enum ZeroMqError {
         /// The rule it breaks.
         reason: String,
     },
-    /// libzmq or the system refused.
+    /// The system refused.
     #[error("ZeroMQ could not start: {0}")]
     Transport(String),
 }
@@ -124,11 +124,5 @@ impl ZeroMqError {
                         | BrokerError::Curve(_)
                 )
         )
-    }
-}
-
-impl From<zmq::Error> for ZeroMqError {
-    fn from(error: zmq::Error) -> Self {
-        Self::Transport(error.to_string())
     }
 }

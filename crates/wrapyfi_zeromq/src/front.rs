@@ -22,13 +22,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener};
-use std::os::fd::{AsRawFd as _, RawFd};
+use std::os::fd::AsRawFd as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use mio::unix::SourceFd;
-use mio::{Events, Interest, Poll, Token};
+use mio::{Events, Interest, Poll, Registry, Token};
 
 use super::assembly::NotTaken;
 use super::curve::{Curve, Keys};
@@ -72,6 +72,8 @@ pub(super) struct Front {
     kind: Kind,
     port: TcpListener,
     poll: Poll,
+    /// Descriptor of `poll`, which is waited for while this is not locked.
+    registry: Arc<Registry>,
     events: Events,
     peers: BTreeMap<usize, Peer>,
     next_id: usize,
@@ -127,6 +129,7 @@ impl Front {
         Ok(Self {
             kind,
             port,
+            registry: Arc::new(poll.registry().try_clone()?),
             poll,
             bounds,
             wanted: Wanted::default(),
@@ -159,8 +162,8 @@ impl Front {
     }
 
     /// Descriptor that is readable when something happened.
-    pub(super) fn fd(&self) -> RawFd {
-        self.poll.as_raw_fd()
+    pub(super) fn registry(&self) -> Arc<Registry> {
+        Arc::clone(&self.registry)
     }
 
     /// True when there is more to be read without waiting.

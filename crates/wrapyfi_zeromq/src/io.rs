@@ -1,33 +1,28 @@
 //! One thread that watches every socket of a ZeroMQ instance.
 //!
 //! ```text
-//!   open, close ── commands ──┐
-//!   listeners' connections ───┤          ┌─▶ ListenerConnection: inbox
-//!   publishers' connections ──┼─▶ epoll ─┼─▶ PublisherConnection: who listens, what waits
-//!   clients', servers' DEALER ┤          ├─▶ ServiceConnection: requests, replies
-//!   connection events ────────┘          └─▶ BrokerLink, wake
+//!   open, close ── commands ──┐          ┌─▶ Reception: inbox
+//!   connections of listeners, ┼─▶ epoll ─┼─▶ Publication: who listens, what waits
+//!   publishers, clients,      │          ├─▶ Exchange: requests, replies
+//!   servers ──────────────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
 //! The thread knows each of these as an [`IoEndpoint`]. Publishing itself happens on the caller's thread, as far as the
-//! connection takes it: see `PublisherConnection`; and a thread that waits for a message reads by itself: see
-//! `ListenerConnection`.
+//! connection takes it, and a thread that waits for a message reads by itself: see `Socket`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
 //! at rest cost nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::os::fd::RawFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use mio::unix::SourceFd;
-use mio::{Events, Interest, Poll, Registry, Token, Waker};
+use mio::{Events, Poll, Registry, Token, Waker};
 
-use super::link::{FAREWELL, Watch};
 use super::options;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
@@ -119,40 +114,16 @@ impl Drop for Io {
     }
 }
 
-/// Sockets of one endpoint on the I/O thread.
+/// A socket as the I/O thread has it.
 pub(super) trait IoEndpoint: Send {
-    /// Descriptors that say when something happened; none of an endpoint that asks the system by itself.
-    fn descriptors(&self) -> Vec<RawFd> {
-        Vec::new()
-    }
+    /// Handles what happened to the socket, without waiting.
+    fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress;
 
-    /// Handles what happened to the sockets, without waiting.
-    fn look(
-        &mut self,
-        now: Instant,
-        registry: &Registry,
-        faults: &mut Throttle,
-    ) -> zmq::Result<IoProgress>;
+    /// Has the socket end: a look that follows tells when it is over.
+    fn close(&mut self, now: Instant);
 
-    /// Has the endpoint end: a look that follows tells when it is over.
-    fn close(&mut self, _now: Instant) {}
-
-    /// Closes the sockets of an endpoint that is over; the watch must be kept until it is over as well.
-    fn end(self: Box<Self>) -> Option<Watch> {
-        None
-    }
-}
-
-/// A socket that is being closed.
-impl IoEndpoint for Watch {
-    fn descriptors(&self) -> Vec<RawFd> {
-        self.fd().into_iter().collect()
-    }
-
-    fn look(&mut self, _: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<IoProgress> {
-        self.take();
-        Ok(IoProgress { over: self.over, ..IoProgress::default() })
-    }
+    /// Takes note that it is over.
+    fn end(self: Box<Self>);
 }
 
 /// Result of one look at an endpoint.
@@ -197,7 +168,7 @@ impl Worker {
                     self.obey();
                     let ids: Vec<u64> = self.ends.keys().copied().collect();
                     ids.into_iter().for_each(|id| self.close(id));
-                    until = Some(Instant::now() + options::LINGER + FAREWELL);
+                    until = Some(Instant::now() + 2 * options::LINGER);
                 }
             }
         }
@@ -254,23 +225,8 @@ impl Worker {
     }
 
     fn add(&mut self, id: u64, end: Box<dyn IoEndpoint>) {
-        self.watch(id, &*end, true);
         self.ends.insert(id, end);
         self.ready.insert(id);
-    }
-
-    /// Asks the system to report events of an endpoint's sockets, or to stop that.
-    fn watch(&self, id: u64, end: &dyn IoEndpoint, on: bool) {
-        for fd in end.descriptors() {
-            let registry = self.poll.registry();
-            let result = match on {
-                true => registry.register(&mut SourceFd(&fd), token(id), Interest::READABLE),
-                false => registry.deregister(&mut SourceFd(&fd)),
-            };
-            if let Err(error) = result {
-                tracing::error!(%error, on, "the ZeroMQ I/O thread cannot watch a socket");
-            }
-        }
     }
 
     /// Looks at every endpoint to which something happened, or whose time has come. A fault of one here is no
@@ -285,23 +241,14 @@ impl Worker {
                 continue;
             };
             let (registry, faults) = (self.poll.registry(), &mut self.faults);
-            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults))) {
-                Ok(Ok(look)) => look,
-                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => {
-                    IoProgress { more: true, ..IoProgress::default() }
-                }
-                Ok(Err(error)) => self.fault(now, &error),
-                Err(_) => self.fault(now, &"a panic"),
-            };
+            let look = catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults)));
+            let look = look.unwrap_or_else(|_| self.fault(now));
             if look.over
                 && let Some(end) = self.ends.remove(&id)
             {
-                self.watch(id, &*end, false);
                 // A time that has passed would be looked at again and again.
                 self.timed.remove(&id);
-                if let Some(watch) = end.end() {
-                    self.add(id, Box::new(watch));
-                }
+                end.end();
                 continue;
             }
             if look.more {
@@ -314,12 +261,12 @@ impl Worker {
         }
     }
 
-    /// Says what went wrong at an endpoint, which is looked at again after a pause.
-    fn fault(&mut self, now: Instant, what: &dyn std::fmt::Display) -> IoProgress {
+    /// Says that an endpoint panicked, which is looked at again after a pause.
+    fn fault(&mut self, now: Instant) -> IoProgress {
         if let Some(unlogged_before) = self.faults.pass(now) {
             tracing::error!(
                 unlogged_before,
-                "{what} in the ZeroMQ I/O thread, at one endpoint: it goes on"
+                "a panic in the ZeroMQ I/O thread, at one endpoint: it goes on"
             );
         }
         IoProgress::after(self.pause.wait())

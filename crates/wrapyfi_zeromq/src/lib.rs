@@ -21,17 +21,18 @@
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_proxy` | the thread of the other |
-//! | `io`, `service_connection`, `link` | the thread that receives, the part of one service in it, connection state |
+//! | `io`, `link` | the thread that receives, connection state |
 //! | `listener`, `publisher`, `client`, `server`, `shared` | the endpoints, what they share |
-//! | `connection`, `publisher_connection`, `listener_connection`, `inside` | a connection to the broker, a publisher's and a listener's, the way into a broker of the same process |
-//! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | one connection that is not libzmq's: its security, what waits for it, what comes of it; the protocol there |
+//! | `socket`, `connection` | a socket of ours, its connection to the broker |
+//! | `publication`, `reception`, `exchange`, `inside` | the parts that sockets play: publisher, listener, client and server; the way into a broker of the same process |
+//! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | the other end of a connection: its security, what waits for it, what comes of it; the protocol |
 //! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
 //! | [`codec`] | payloads as the frames of a message, by the settings of the topic |
-//! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
+//! | `envelope` | what is around a request and a reply |
 //! | `section` | the section of a configuration, and what starts from it |
 //! | `own_messages` | our own messages are not received |
 //! | `offline` | readers of foreign bytes without sockets, for fuzzing |
-//! | `options`, `contexts` | what all sockets share; room for sockets |
+//! | `options` | what all sockets share |
 
 mod assembly;
 mod broker;
@@ -40,7 +41,6 @@ mod client;
 pub mod codec;
 mod config;
 mod connection;
-mod contexts;
 #[cfg_attr(not(feature = "curve"), path = "curve_absent.rs")]
 mod curve;
 mod curve_config;
@@ -48,7 +48,7 @@ mod deadline;
 mod discovery;
 mod envelope;
 mod error;
-mod frames;
+mod exchange;
 mod front;
 mod heard;
 mod inside;
@@ -56,7 +56,6 @@ mod io;
 mod ledger;
 mod link;
 mod listener;
-mod listener_connection;
 mod mechanism;
 mod message;
 mod monitor;
@@ -67,14 +66,15 @@ mod own_messages;
 mod peer;
 mod port_check;
 mod proxy;
+mod publication;
 mod publisher;
-mod publisher_connection;
+mod reception;
 #[cfg(feature = "driver")]
 mod section;
 mod server;
-mod service_connection;
 mod service_proxy;
 mod shared;
+mod socket;
 mod source;
 mod status;
 mod subscribers;
@@ -174,7 +174,6 @@ impl ZeroMq {
             own_messages: own_messages::OwnMessages::default(),
             ledger,
             io,
-            contexts: contexts::Contexts::default(),
             keys,
             links: Mutex::default(),
         };
@@ -227,7 +226,7 @@ impl ZeroMq {
     }
 
     /// Address that a client or a server connects to. A server brings the broker along.
-    fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> OpenResult<String> {
+    fn service_address(&self, role: Role, spec: &ServiceSpec) -> OpenResult<SocketAddr> {
         check_topic(&spec.service).map_err(|reason| invalid(&spec.service, reason))?;
         let rep_port = self.config.rep_port;
         let port = match role {
@@ -239,7 +238,7 @@ impl ZeroMq {
                 if role == Role::Client { ports.0 } else { ports.1 }
             }
         };
-        Ok(options::endpoint(self.shared.ip, port))
+        Ok(SocketAddr::new(self.shared.ip, port))
     }
 
     fn check(&self, topic: &str) -> OpenResult<()> {
@@ -279,13 +278,13 @@ impl Middleware for ZeroMq {
 
     /// One pair of ports is one service: `spec.service` is not sent.
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
-        let endpoint = self.service_endpoint(Role::Client, spec)?;
-        Ok(Box::new(client::ZeroMqClient::open(&self.shared, &endpoint, spec, context)?))
+        let broker = self.service_address(Role::Client, spec)?;
+        Ok(Box::new(client::ZeroMqClient::open(&self.shared, broker, spec, context)))
     }
 
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
-        let endpoint = self.service_endpoint(Role::Server, spec)?;
-        Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
+        let broker = self.service_address(Role::Server, spec)?;
+        Ok(Box::new(server::ZeroMqServer::open(&self.shared, broker, spec, context)))
     }
 
     fn waiting_for(&self) -> Option<Cause> {
@@ -300,7 +299,7 @@ impl Middleware for ZeroMq {
     /// so the topic is subscribed to, or everything.
     fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
         let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.config.monitor_topic)?;
-        Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())?))
+        Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())))
     }
 }
 

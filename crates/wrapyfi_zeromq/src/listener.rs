@@ -3,28 +3,24 @@
 use std::sync::Arc;
 
 use super::codec;
-use super::io::{Command, Handle};
-use super::listener_connection::{Arrival, ListenerConnection};
+use super::reception::{Arrival, Reception};
 use super::shared::ZeroMqState;
+use super::socket::Socket;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{Context, Link, Listener, Receiver, Sample, TakeError, TopicSpec};
 
 /// Receives one topic through the broker.
 pub(super) struct ZeroMqListener {
-    connection: Arc<ListenerConnection>,
+    socket: Arc<Socket<Reception>>,
     spec: TopicSpec,
     inbox: Receiver<Arrival>,
-    io: Arc<Handle>,
 }
 
 impl ZeroMqListener {
     pub(super) fn open(shared: &ZeroMqState, spec: &TopicSpec, context: &Context) -> Self {
-        let io = Arc::clone(&shared.io.handle);
-        let (connection, inbox) = ListenerConnection::new(shared, spec, context);
-        context.wake.attach(&connection);
-        io.send(Command::Open(connection.id, Box::new(Arc::clone(&connection))));
+        let (socket, inbox) = Reception::open(shared, spec, context);
         shared.ledger.enter(Kind::Xsub, &spec.topic, &context.counters);
-        Self { connection, spec: spec.clone(), inbox, io }
+        Self { socket, spec: spec.clone(), inbox }
     }
 }
 
@@ -42,12 +38,12 @@ impl Listener for ZeroMqListener {
 
     fn link(&self) -> Link {
         // A broker does not tell listeners who publishes.
-        Link { peers: None, waiting_for: self.connection.link.waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.socket.link.waiting_for(), keeps_last: false }
     }
 }
 
 impl Drop for ZeroMqListener {
     fn drop(&mut self) {
-        self.io.send(Command::Close(self.connection.id));
+        self.socket.close();
     }
 }

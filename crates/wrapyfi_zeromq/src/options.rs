@@ -1,21 +1,20 @@
 //! Options that all sockets share.
 
-use std::net::{IpAddr, TcpStream};
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use socket2::{SockRef, TcpKeepalive};
-
-use wrapyfi_endpoint::backoff;
 
 /// Room above a message limit for topic and header frames.
 pub(super) const FRAME_SLACK: usize = 64 * 1024;
-/// Messages that libzmq holds between a broker and a client or a server.
+/// Messages that wait at a broker for one client or server.
 pub(super) const SEND_HWM: u16 = 2;
 /// Time in which a closed socket may still send the messages that it holds.
 pub(super) const LINGER: Duration = Duration::from_millis(500);
-/// Time between two questions of libzmq whether a peer lives, and time that a peer has to answer: one that does not is
-/// noticed within 8 s. A thousand connections at rest cost twice as much with half of it.
-const HEARTBEAT: Duration = Duration::from_secs(4);
+/// Time that a peer has to answer whether it lives: one that does not is noticed within 9 s.
 pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(4);
 /// Silence after which the broker asks a listener; most have asked by themselves before.
 pub(super) const SILENCE: Duration = Duration::from_millis(4500);
@@ -26,42 +25,28 @@ const KEEPALIVE_IDLE: i32 = 10;
 const KEEPALIVE_INTERVAL: i32 = 2;
 const KEEPALIVE_COUNT: i32 = 5;
 
-fn millis(duration: Duration) -> i32 {
-    i32::try_from(duration.as_millis()).unwrap_or(i32::MAX)
+/// The system's refusal of one more connection, with the remedy.
+pub(super) const OUT_OF_FILES: &str =
+    "the process is at its limit of open files: raise that (ulimit -n, LimitNOFILE)";
+
+/// Waits until one of the descriptors is readable, at most `time`; which of them are.
+///
+/// # Errors
+/// When the system cannot wait for them; not where a signal interrupts the wait.
+pub(super) fn readable<const N: usize>(
+    fds: [BorrowedFd<'_>; N],
+    time: Duration,
+) -> std::io::Result<[bool; N]> {
+    let mut fds = fds.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
+    // A time beyond what the system counts is none at all.
+    match poll(&mut fds, Timespec::try_from(time).ok().as_ref()) {
+        Ok(_) => Ok(fds.map(|fd| !fd.revents().is_empty())),
+        Err(Errno::INTR) => Ok([false; N]),
+        Err(error) => Err(error.into()),
+    }
 }
 
-/// Time as `zmq::poll` waits for it: milliseconds, so many that it is over afterwards.
-pub(super) fn poll_ms(time: Duration) -> i64 {
-    i64::try_from(time.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
-}
-
-/// Bytes as the option for the largest frame takes them.
-pub(super) fn frame_limit(bytes: usize) -> i64 {
-    i64::try_from(bytes).unwrap_or(i64::MAX)
-}
-
-/// Has libzmq cut the connection at a frame that guards memory only: far enough above the limit of a message that one
-/// somewhat too large is received, counted and dropped instead.
-pub(super) fn set_message_limit(socket: &zmq::Socket, limit: usize) -> zmq::Result<()> {
-    socket.set_maxmsgsize(frame_limit(limit.saturating_mul(2).saturating_add(FRAME_SLACK)))
-}
-
-/// Bounded shutdown, endless reconnection, and dead peers noticed within seconds.
-pub(super) fn set_common(socket: &zmq::Socket, ip: IpAddr) -> zmq::Result<()> {
-    socket.set_ipv6(ip.is_ipv6())?;
-    socket.set_linger(millis(LINGER))?;
-    socket.set_reconnect_ivl(millis(backoff::FIRST))?;
-    socket.set_reconnect_ivl_max(millis(backoff::LONGEST))?;
-    socket.set_handshake_ivl(millis(HANDSHAKE))?;
-    socket.set_heartbeat_ivl(millis(HEARTBEAT))?;
-    socket.set_heartbeat_timeout(millis(HEARTBEAT_TIMEOUT))?;
-    socket.set_tcp_keepalive(1)?;
-    socket.set_tcp_keepalive_idle(KEEPALIVE_IDLE)?;
-    socket.set_tcp_keepalive_intvl(KEEPALIVE_INTERVAL)?;
-    socket.set_tcp_keepalive_cnt(KEEPALIVE_COUNT)
-}
-
-/// The same for a connection that is not libzmq's.
+/// Bounded handshakes, and dead peers noticed within seconds.
 pub(super) fn set_stream(stream: &TcpStream) -> std::io::Result<()> {
     stream.set_nonblocking(true)?;
     stream.set_nodelay(true)?;
@@ -74,6 +59,6 @@ pub(super) fn set_stream(stream: &TcpStream) -> std::io::Result<()> {
 }
 
 /// `tcp://ip:port`, as sockets bind and connect.
-pub(super) fn endpoint(ip: IpAddr, port: u16) -> String {
-    format!("tcp://{}", std::net::SocketAddr::new(ip, port))
+pub(super) fn endpoint(address: SocketAddr) -> String {
+    format!("tcp://{address}")
 }

@@ -65,6 +65,8 @@ pub(super) struct Peer<S = TcpStream> {
     subscribed: Share,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
+    /// True where it is we who have connected.
+    connects: bool,
     /// Topics to which we subscribe once the handshake is over.
     subscribes: Vec<String>,
     /// True where the other side has said that our key may not publish that topic.
@@ -97,6 +99,7 @@ impl<S: Read + Write> Peer<S> {
             topics: BTreeSet::new(),
             subscribed: Share::of(&SUBSCRIPTIONS),
             only: None,
+            connects: false,
             subscribes: Vec::new(),
             is_refused: false,
             outbox: Outbox::default(),
@@ -110,6 +113,11 @@ impl<S: Read + Write> Peer<S> {
         };
         peer.put(Mechanism::Null.greeting().0);
         peer
+    }
+
+    /// The same, of a connection that we have made.
+    pub(super) fn connecting(self) -> Self {
+        Self { connects: true, ..self }
     }
 
     /// The same, of a connection for messages of one topic.
@@ -375,19 +383,23 @@ impl<S: Read + Write> Peer<S> {
             });
         }
         self.stage = Stage::Open;
-        let subscribes = std::mem::take(&mut self.subscribes);
-        if self.only.is_some() || !subscribes.is_empty() {
+        if self.connects {
             // Each of two of ours asks only who is silent: no program would know that the other answers.
             self.tell(PING);
         }
-        for topic in subscribes {
-            let word = zmtp::subscription(true, topic.as_bytes());
-            let of = Some((Bytes::new(), word.len()));
-            let is_sealed = self.mechanism.secured().is_some();
-            let queued = self.queue(&Message::new(vec![word], is_sealed, of, None), None);
-            queued.map_err(|_full| ConnectionEnd::OverBudget)?;
-        }
-        Ok(())
+        std::mem::take(&mut self.subscribes).iter().try_for_each(|topic| self.subscribe_to(topic))
+    }
+
+    /// Subscribes to what begins with `topic`, on a connection that is open.
+    ///
+    /// # Errors
+    /// When too much waits in this process.
+    pub(super) fn subscribe_to(&mut self, topic: &str) -> Result<(), ConnectionEnd> {
+        let word = zmtp::subscription(true, topic.as_bytes());
+        let of = Some((Bytes::new(), word.len()));
+        let is_sealed = self.mechanism.secured().is_some();
+        let queued = self.queue(&Message::new(vec![word], is_sealed, of, None), None);
+        queued.map_err(|_full| ConnectionEnd::OverBudget)
     }
 
     /// Takes a message as it came, which with CURVE is one frame of one.

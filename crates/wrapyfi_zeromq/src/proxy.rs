@@ -179,7 +179,7 @@ impl Proxy {
     fn waits(&self) -> Wait {
         let tell_at =
             if self.is_untold { self.tell_at.min(self.repeat_at) } else { self.repeat_at };
-        self.ports.waits(options::poll_ms(tell_at.saturating_duration_since(Instant::now())))
+        self.ports.waits(tell_at.saturating_duration_since(Instant::now()))
     }
 
     /// Handles what has happened at the two ports.
@@ -229,7 +229,7 @@ impl Turns for ProxyThread {
     const NAME: &'static str = "the ZeroMQ broker";
 
     /// Waits for one event or for the time of the next counts.
-    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
+    fn turn(&mut self, stop: &Stop) -> std::io::Result<bool> {
         let wait = self.0.lock().waits();
         let Some(happened) = wait.on(stop)? else { return Ok(false) };
         self.0.lock().handle(happened);

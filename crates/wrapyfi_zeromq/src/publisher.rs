@@ -7,19 +7,18 @@
 use std::sync::Arc;
 
 use super::codec;
-use super::io::{Command, Handle};
-use super::publisher_connection::PublisherConnection;
+use super::publication::Publication;
 use super::shared::ZeroMqState;
+use super::socket::Socket;
 use super::zmtp::Kind;
 use wrapyfi_data::types::{Image, Payload, Pixels};
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
 
 /// Sends one topic through the broker.
 pub(super) struct ZeroMqPublisher {
-    connection: Arc<PublisherConnection>,
+    socket: Arc<Socket<Publication>>,
     spec: TopicSpec,
     depth: usize,
-    io: Arc<Handle>,
     /// True once the log says that colours are sent in another order than they come in.
     told_order: bool,
 }
@@ -29,12 +28,9 @@ impl ZeroMqPublisher {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let io = Arc::clone(&shared.io.handle);
-        let (hwm, own) = (shared.send_hwm, shared.own_messages.of(&spec.topic));
-        let connection = PublisherConnection::new(shared, &spec.topic, own, context);
-        io.send(Command::Open(connection.id, Box::new(Arc::clone(&connection))));
+        let socket = Publication::open(shared, &spec.topic, context);
         shared.ledger.enter(Kind::Xpub, &spec.topic, &context.counters);
-        Self { connection, spec, depth: usize::from(hwm), io, told_order: false }
+        Self { socket, spec, depth: usize::from(shared.send_hwm), told_order: false }
     }
 
     /// Says where Wrapyfi's listeners refuse an image, and where its colours change their order; true once it was said.
@@ -68,10 +64,10 @@ impl ZeroMqPublisher {
 impl Publisher for ZeroMqPublisher {
     /// While no program is subscribed nothing is encoded: [`PublishError::NoConsumer`].
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if let Some(what) = self.connection.link.waiting_for() {
+        if let Some(what) = self.socket.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
-        if self.connection.subscriptions(false) == 0 {
+        if self.socket.subscriptions(false) == 0 {
             return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         if !self.told_order {
@@ -79,7 +75,7 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = codec::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        self.connection.send(frames, bytes).map_err(|reason| {
+        self.socket.publish(frames, bytes).map_err(|reason| {
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },
@@ -88,24 +84,24 @@ impl Publisher for ZeroMqPublisher {
             }
         })?;
         // It was sent all the same: the broker names whom it refuses.
-        match self.connection.is_refused() {
+        match self.socket.is_refused() {
             false => Ok(bytes),
             true => Err(PublishError::Refused {
                 topic: self.spec.topic.clone(),
-                reason: format!("the broker {}", self.connection.link.denied("publish", "publish")),
+                reason: format!("the broker {}", self.socket.link.denied("publish", "publish")),
             }),
         }
     }
 
     fn link(&self) -> Link {
         // A lazy route takes from its source what a program wants.
-        let peers = Some(self.connection.subscriptions(self.spec.mark.is_some()));
-        Link { peers, waiting_for: self.connection.link.waiting_for(), keeps_last: false }
+        let peers = Some(self.socket.subscriptions(self.spec.mark.is_some()));
+        Link { peers, waiting_for: self.socket.link.waiting_for(), keeps_last: false }
     }
 }
 
 impl Drop for ZeroMqPublisher {
     fn drop(&mut self) {
-        self.io.send(Command::Close(self.connection.id));
+        self.socket.close();
     }
 }

@@ -1,17 +1,19 @@
 //! Offers a service through the broker.
 //!
 //! ```text
-//!   take ◀─ Request ◀─ JSON ◀─ envelope kept ◀──────────────── ServiceConnection
-//!   reply ─ payload ─▶ mark in the envelope? ─ yes: CDR ─────▶ ServiceConnection
+//!   take ◀─ Request ◀─ JSON ◀─ envelope kept ◀──────────────── Exchange
+//!   reply ─ payload ─▶ mark in the envelope? ─ yes: CDR ─────▶ Exchange
 //!                                            └ no: Wrapyfi's form
 //! ```
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::envelope::{self, ServiceMessage};
-use super::service_connection::{Delivery, ServiceConnection, ServiceHandle, ServiceRole};
+use super::exchange::{Delivery, Exchange, ServiceRole};
 use super::shared::ZeroMqState;
+use super::socket::Socket;
 use super::zmtp;
 use crate::codec::mark::{self, Kind, Mark};
 use wrapyfi_data::types::Payload;
@@ -20,29 +22,29 @@ use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::requests::{Asked, Requests};
 use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, DropReason, Link, OpenResult, Request, ServeError, ServiceSpec};
+use wrapyfi_endpoint::{Context, DropReason, Link, Request, ServeError, ServiceSpec};
 
 /// Serves one pair of ports.
 pub(super) struct ZeroMqServer {
     spec: ServiceSpec,
-    handle: Arc<ServiceHandle>,
+    socket: Arc<Socket<Exchange>>,
 }
 
 impl ZeroMqServer {
     pub(super) fn open(
         shared: &ZeroMqState,
-        endpoint: &str,
+        broker: SocketAddr,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> OpenResult<WireServer<Self>> {
+    ) -> WireServer<Self> {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         shared.ledger.enter(zmtp::Kind::Router, &spec.service, &context.counters);
         let requests = Arc::new(Requests::new(&spec, context));
         let end = ServiceRole::Server(Arc::clone(&requests));
-        let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)?;
-        Ok(WireServer::new(Self { spec: spec.clone(), handle }, requests, &spec))
+        let socket = Exchange::open(shared, broker, end, &spec, context);
+        WireServer::new(Self { spec: spec.clone(), socket }, requests, &spec)
     }
 }
 
@@ -55,7 +57,7 @@ impl ServerWire for ZeroMqServer {
         // Without a mark it is not known how long the client waits.
         let timeout =
             mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()));
-        ends(asked.received_at, timeout) <= self.handle.context.clock.now()
+        ends(asked.received_at, timeout) <= self.socket.context.clock.now()
     }
 
     fn read(&self, delivery: &Delivery) -> Result<Request, DecodeError> {
@@ -90,26 +92,26 @@ impl ServerWire for ZeroMqServer {
         let is_reply = answer.is_ok();
         let message = answer.unwrap_or_else(|why| ServiceMessage::error(delivery.envelope, why));
         let bytes = message.size();
-        let Err(ServiceMessage { envelope, .. }) = self.handle.send(message, None) else {
+        let Err(ServiceMessage { envelope, .. }) = self.socket.post(message, None) else {
             return Ok(Some(bytes));
         };
         let error = ServeError::NoRoom { service: self.spec.service.clone(), bytes };
         if is_reply {
-            self.handle.context.counters.dropped(DropReason::OverBudget);
+            self.socket.context.counters.dropped(DropReason::OverBudget);
             // Short, and so it may find room.
-            self.handle.refuse(envelope, &error.to_string());
+            self.socket.refuse(envelope, &error.to_string());
         }
         Err(error)
     }
 
     fn link(&self) -> Link {
         // A broker does not tell servers who calls.
-        Link { peers: None, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.socket.link.waiting_for(), keeps_last: false }
     }
 }
 
 impl Drop for ZeroMqServer {
     fn drop(&mut self) {
-        self.handle.close();
+        self.socket.close();
     }
 }

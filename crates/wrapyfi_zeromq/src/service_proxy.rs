@@ -12,6 +12,7 @@
 //! Replies that a client does not read wait here as well, where their bytes count; its connection has two of them.
 
 use std::collections::BTreeMap;
+use std::os::fd::AsFd as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -30,7 +31,7 @@ use wrapyfi_endpoint::{DropReason, Mutex, Outbox, Overflow, Waits};
 const FAREWELL: Duration = Duration::from_millis(1000);
 
 /// Milliseconds between two tries to send to a client that does not read.
-const RETRY_MS: i64 = 5;
+const RETRY: Duration = Duration::from_millis(5);
 /// Time between two looks at peers that may be dead.
 const TICK: Duration = Duration::from_millis(500);
 
@@ -102,7 +103,7 @@ impl ServiceProxy {
 
     /// Passes on the replies that are on their way: a server that ends with its broker has just
     /// given its last one.
-    fn last_replies(&mut self) -> zmq::Result<()> {
+    fn last_replies(&mut self) -> std::io::Result<()> {
         let end = Instant::now() + FAREWELL;
         loop {
             self.pass_replies();
@@ -116,9 +117,10 @@ impl ServiceProxy {
             if answered >= self.tally.requests || left.is_zero() {
                 return Ok(());
             }
-            let wait = options::poll_ms(left).min(RETRY_MS);
-            let wait = if self.ports.back.is_unread() { 0 } else { wait };
-            zmq::poll(&mut [zmq::PollItem::from_fd(self.ports.back.fd(), zmq::POLLIN)], wait)?;
+            let is_unread = self.ports.back.is_unread();
+            let wait = if is_unread { Duration::ZERO } else { left.min(RETRY) };
+            let server = self.ports.back.registry();
+            options::readable([server.as_fd()], wait)?;
         }
     }
 
@@ -129,11 +131,11 @@ impl ServiceProxy {
         self.status.lock().clone_from(&self.tally);
     }
 
-    /// Milliseconds until the next request is too old, a reply is tried again, or peers are looked at.
-    fn wait_ms(&self) -> i64 {
+    /// Time until the next request is too old, a reply is tried again, or peers are looked at.
+    fn time_left(&self) -> Duration {
         let next = self.held.iter().filter_map(|held| held.until).fold(self.tick_at, Instant::min);
-        let left = options::poll_ms(next.saturating_duration_since(Instant::now()));
-        if self.unread.is_empty() { left } else { left.min(RETRY_MS) }
+        let left = next.saturating_duration_since(Instant::now());
+        if self.unread.is_empty() { left } else { left.min(RETRY) }
     }
 
     fn take_requests(&mut self, now: Instant) {
@@ -143,8 +145,7 @@ impl ServiceProxy {
         self.tally.malformed += self.ports.front.heard.drain(..).len() as u64;
         for (client, mut frames) in std::mem::take(&mut self.ports.front.messages) {
             frames.insert(0, Bytes::copy_from_slice(&client.to_be_bytes()));
-            let count = frames.len();
-            let message = match envelope::split(frames, count) {
+            let message = match envelope::split(frames) {
                 Some((envelope, Ok(body))) => ServiceMessage { envelope, body },
                 misfit => {
                     self.tally.malformed += 1;
@@ -222,8 +223,7 @@ impl ServiceProxy {
         }
         self.tally.malformed += self.ports.back.heard.drain(..).len() as u64;
         for (_, frames) in std::mem::take(&mut self.ports.back.messages) {
-            let count = frames.len();
-            match envelope::split(frames, count) {
+            match envelope::split(frames) {
                 Some((envelope, Ok(body))) => self.answer(ServiceMessage { envelope, body }, 1),
                 _ => self.tally.malformed += 1,
             }
@@ -289,8 +289,8 @@ impl ServiceProxy {
 impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
-    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
-        let wait = self.ports.waits(self.wait_ms());
+    fn turn(&mut self, stop: &Stop) -> std::io::Result<bool> {
+        let wait = self.ports.waits(self.time_left());
         let Some([front, back]) = wait.on(stop)? else {
             self.last_replies()?;
             self.show();

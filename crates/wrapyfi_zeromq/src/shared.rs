@@ -3,12 +3,11 @@
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Weak};
 
-use super::contexts::Contexts;
+use super::connection::Connection;
 use super::curve::Keys;
 use super::io::Io;
 use super::ledger::Ledger;
 use super::link::BrokerLink;
-use super::options;
 use super::own_messages::OwnMessages;
 use wrapyfi_endpoint::{Cause, Mutex};
 
@@ -24,20 +23,26 @@ pub(super) struct ZeroMqState {
     pub(super) own_messages: OwnMessages,
     pub(super) ledger: Arc<Ledger>,
     pub(super) io: Io,
-    pub(super) contexts: Contexts,
     pub(super) keys: Option<Arc<Keys>>,
     /// Connections of topics to the broker.
     pub(super) links: Mutex<Vec<Weak<BrokerLink>>>,
 }
 
 impl ZeroMqState {
-    /// Address of the broker for listeners, as libzmq's sockets connect to it.
-    pub(super) fn pub_endpoint(&self) -> String {
-        options::endpoint(self.pub_address.ip(), self.pub_address.port())
+    /// A connection of a topic to a port of the broker.
+    pub(super) fn connection(&self, broker: SocketAddr, topic: &str) -> Connection {
+        let link = self.link(broker, topic);
+        Connection::new(self.io.handle.next_id(), broker, topic, link, self.keys.as_ref())
+    }
+
+    /// A connection that says nothing of whether the broker is there for topics.
+    pub(super) fn unlisted(&self, broker: SocketAddr, name: &str) -> Connection {
+        let link = BrokerLink::new(broker, name, self.keys.as_ref());
+        Connection::new(self.io.handle.next_id(), broker, name, link, self.keys.as_ref())
     }
 
     /// State of a connection to the broker that is made for a topic.
-    pub(super) fn link(&self, broker: &str, topic: &str) -> Arc<BrokerLink> {
+    fn link(&self, broker: SocketAddr, topic: &str) -> Arc<BrokerLink> {
         let link = BrokerLink::new(broker, topic, self.keys.as_ref());
         let mut links = self.links.lock();
         links.retain(|link| link.strong_count() > 0);

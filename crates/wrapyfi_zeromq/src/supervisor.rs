@@ -13,7 +13,6 @@ use std::time::{Duration, Instant};
 use super::config::{BrokerMode, ZeroMqConfig, reachable};
 use super::error::{BrokerError, ZeroMqError};
 use super::ledger::Ledger;
-use super::options::poll_ms;
 use super::port_check::{PortHolder, ask_port};
 use super::turns::{Runs, Stop, Turns};
 use super::zmtp::{self, Kind};
@@ -200,8 +199,8 @@ impl<B: Supervised> Turns for Guard<B> {
     const NAME: &'static str = "the thread that watches the foreign ZeroMQ broker";
 
     /// Stops when told to, and when we are the broker.
-    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool> {
-        if zmq::poll(&mut [stop.poll_item()], poll_ms(self.backoff.wait()))? > 0 {
+    fn turn(&mut self, stop: &Stop) -> std::io::Result<bool> {
+        if stop.within(self.backoff.wait())? {
             return Ok(false);
         }
         // Nothing else tells so cheaply that the foreign broker has ended.

@@ -1,11 +1,12 @@
 //! The life of a broker's thread: turn after turn, until it is told to stop.
 
-use std::os::fd::AsRawFd as _;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use super::options;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 
@@ -15,7 +16,7 @@ pub(super) trait Turns: Sized + Send + 'static {
     const NAME: &'static str;
 
     /// Waits for something to happen, and handles it; false when it is time to stop, which is when `stop` is readable.
-    fn turn(&mut self, stop: &Stop) -> zmq::Result<bool>;
+    fn turn(&mut self, stop: &Stop) -> std::io::Result<bool>;
 
     /// Shows the reason why the broker does not work now; `None` when it does again.
     fn failed(&mut self, why: Option<String>);
@@ -34,8 +35,15 @@ impl Stop {
         Ok((running, Self(stop)))
     }
 
-    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
-        zmq::PollItem::from_fd(self.0.as_raw_fd(), zmq::POLLIN)
+    /// Waits at most `time`; true when it is time to stop.
+    pub(super) fn within(&self, time: Duration) -> std::io::Result<bool> {
+        options::readable([self.as_fd()], time).map(|[stops]| stops)
+    }
+}
+
+impl AsFd for Stop {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
     }
 }
 
@@ -79,8 +87,7 @@ fn run<T: Turns>(broker: &mut T, stop: &Stop) {
                 backoff.reset();
                 continue;
             }
-            Ok(Ok(false) | Err(zmq::Error::ETERM)) => return,
-            Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => continue,
+            Ok(Ok(false)) => return,
             Ok(Err(error)) => error.to_string(),
             Err(_) => "a panic".to_owned(),
         };
@@ -89,8 +96,7 @@ fn run<T: Turns>(broker: &mut T, stop: &Stop) {
         }
         broker.failed(Some(fault));
         // Not asleep: it may be told to end.
-        let pause = i64::try_from(backoff.wait().as_millis()).unwrap_or(0);
-        if !matches!(zmq::poll(&mut [stop.poll_item()], pause), Ok(0)) {
+        if !matches!(stop.within(backoff.wait()), Ok(false)) {
             return;
         }
         broker.failed(None);
@@ -99,17 +105,19 @@ fn run<T: Turns>(broker: &mut T, stop: &Stop) {
 
 #[cfg(test)]
 mod tests {
+    use std::io::ErrorKind;
+
     use super::*;
 
     struct Scripted {
-        outcomes: Vec<fn() -> zmq::Result<bool>>,
+        outcomes: Vec<fn() -> std::io::Result<bool>>,
         failures: Vec<Option<String>>,
     }
 
     impl Turns for Scripted {
         const NAME: &'static str = "a script";
 
-        fn turn(&mut self, _: &Stop) -> zmq::Result<bool> {
+        fn turn(&mut self, _: &Stop) -> std::io::Result<bool> {
             self.outcomes.remove(0)()
         }
 
@@ -121,16 +129,15 @@ mod tests {
     #[test]
     fn faults_and_panics_do_not_end_it() {
         let (_running, stop) = Stop::pair().unwrap();
-        let outcomes: [fn() -> zmq::Result<bool>; 5] = [
+        let outcomes: [fn() -> std::io::Result<bool>; 4] = [
             || Ok(true),
-            || Err(zmq::Error::EINTR),
             || panic!("on purpose"),
-            || Err(zmq::Error::ENOTSOCK),
+            || Err(ErrorKind::NotConnected.into()),
             || Ok(false),
         ];
         let mut broker = Scripted { outcomes: outcomes.into(), failures: Vec::new() };
         run(&mut broker, &stop);
-        let said = zmq::Error::ENOTSOCK.to_string();
+        let said = std::io::Error::from(ErrorKind::NotConnected).to_string();
         let expected = [Some("a panic".to_owned()), None, Some(said), None];
         assert_eq!(broker.failures, expected);
         assert!(broker.outcomes.is_empty());

@@ -248,15 +248,6 @@ pub(super) fn encode(frames: Vec<Bytes>) -> Vec<Bytes> {
     parts
 }
 
-/// A zmq message as bytes: no copy.
-pub(super) struct Owned(pub(super) zmq::Message);
-
-impl AsRef<[u8]> for Owned {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

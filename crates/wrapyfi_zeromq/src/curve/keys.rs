@@ -72,9 +72,6 @@ impl Keys {
         serves: bool,
         own_topic: Option<&str>,
     ) -> Result<Arc<Self>, CurveError> {
-        if zmq::has("curve") != Some(true) {
-            return Err(CurveError::NotInLibzmq);
-        }
         // First, so that a text which is no key is told as that where a broker also lacks its own.
         let server = config.server_key.as_deref().map(public_key).transpose()?;
         let secret = match &config.secret_key_file {
@@ -125,13 +122,6 @@ impl Keys {
     pub(crate) fn entry(&self, key: &str) -> Option<&CurveClient> {
         let grant = self.clients.as_ref()?.get(&*decode(key)?)?;
         Some(&grant.entry)
-    }
-
-    /// Gives them to a socket of libzmq that will connect.
-    pub(crate) fn give_to(&self, socket: &zmq::Socket) -> zmq::Result<()> {
-        socket.set_curve_serverkey(&self.server)?;
-        socket.set_curve_publickey(&self.public)?;
-        socket.set_curve_secretkey(&*self.secret)
     }
 
     /// Permissions of a client that connects to a socket of ours of this kind; none where it may everything, as this

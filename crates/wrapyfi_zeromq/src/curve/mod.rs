@@ -9,8 +9,7 @@
 //!     ◀── MESSAGE   (flags, body)(S' ↔ C'), each with a higher number ──▶
 //! ```
 //!
-//! Sockets of libzmq speak it by themselves; the broker's ports and the connections of our publishers are not libzmq's:
-//! they speak it here. Nothing is allocated by what a peer announces: commands come here whole, within the limits of their frames.
+//! Nothing is allocated by what a peer announces: commands come here whole, within the limits of their frames.
 
 mod keys;
 
