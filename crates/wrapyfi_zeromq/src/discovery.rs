@@ -43,13 +43,13 @@ const HANDSHAKE_NEARBY: Duration = Duration::from_millis(20);
 pub(super) struct ZeroMqDiscovery {
     connection: Connection,
     seen: Seen,
-    /// Where the connection tells that something has come.
+    /// Poll in which the connection tells that something has come.
     poll: Poll,
     faults: Throttle,
     reached_at: Option<Instant>,
 }
 
-/// What has come from the broker.
+/// Topics and listeners that the broker has told of, or that were seen to pass.
 struct Seen {
     monitor_topic: String,
     subscribes: Vec<String>,
