@@ -1,6 +1,6 @@
 //! The end of a library that gives up: one line and exit code 1, where C says `abort`.
 //!
-//! CycloneDDS and libzmq abort where the system refuses them a thread, a file or memory in a place that cannot fail.
+//! CycloneDDS aborts where the system refuses it a thread, a file or memory in a place that cannot fail.
 //!
 //! Contract: the handler calls nothing but `write` and `_exit`, as a handler of a signal may.
 #![allow(unsafe_code)]

@@ -229,7 +229,7 @@ impl Connection {
             if waits && closes > now {
                 return IoProgress::after(closes - now);
             }
-            if let Way::Up(peer) = std::mem::replace(&mut self.way, Way::Ended) {
+            if let Way::Up(peer) = self.leave(Way::Ended) {
                 role.ended(&peer, DropReason::Closed);
             }
             return IoProgress::over();
@@ -279,15 +279,20 @@ impl Connection {
     ) -> IoProgress {
         tracing::debug!(broker = %self.broker, name = self.name, %why, "a connection ended");
         let pause = self.backoff.wait();
-        match std::mem::replace(&mut self.way, Way::Down(now + pause)) {
+        match self.leave(Way::Down(now + pause)) {
             Way::Up(peer) => {
                 self.link.disconnected();
                 role.ended(&peer, DropReason::ConnectionLost);
             }
             _ => _ = self.link.note(link::UNANSWERED),
         }
-        (self.stream, self.is_lent, self.is_narrow) = (None, false, false);
         IoProgress::after(pause)
+    }
+
+    /// Puts another state in place of the one that has ended, which is returned.
+    fn leave(&mut self, way: Way) -> Way {
+        (self.stream, self.is_lent, self.is_narrow) = (None, false, false);
+        std::mem::replace(&mut self.way, way)
     }
 
     /// Time until the next try, of a connection that has ended.
@@ -301,6 +306,11 @@ impl Connection {
     /// True while a thread that waits watches the connection by itself.
     pub(super) fn is_lent(&self) -> bool {
         self.is_lent
+    }
+
+    /// True while such a thread watches it, and bytes wait for room of which only the I/O thread is told.
+    pub(super) fn is_wanted_back(&self) -> bool {
+        self.is_lent && self.peer().is_some_and(|peer| !peer.outbox.is_empty())
     }
 
     /// The connection, for a thread that will watch it by itself; `None` where the I/O thread has to see to it, or

@@ -71,7 +71,7 @@ impl<R: SocketRole> Socket<R> {
         let put = put(role, connection);
         let (now, link) = (Instant::now(), connection.link.state());
         let is_for_io = !connection.write(role, &self.io.registry, now);
-        let has_changed = link != connection.link.state();
+        let has_changed = link != connection.link.state() || connection.is_wanted_back();
         drop(state);
         self.tell(has_changed, is_for_io);
         put

@@ -1,5 +1,6 @@
 //! Listeners and publishers through a broker.
 
+use std::io::{Read as _, Write as _};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -150,6 +151,30 @@ fn a_message_that_cuts_the_connection_is_counted_and_survived() {
     });
     assert_eq!(sample.unwrap().payload, number(2));
     assert_eq!(dropped(&context, DropReason::Oversize), 1);
+}
+
+#[test]
+fn a_broker_that_never_ends_a_message_is_left_and_met_again() {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let zeromq = ZeroMq::start(&foreign(port.local_addr().unwrap().port(), 1)).unwrap();
+    let context = Context::default();
+    let _listener = zeromq.open_listener(&spec("/a"), &context).unwrap();
+    let (mut broker, _) = port.accept().unwrap();
+    let mut greeting = [&[0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0][..], b"NULL"].concat();
+    greeting.resize(64, 0);
+    let ready = b"\x05READY\x0bSocket-Type\0\0\0\x04XPUB";
+    greeting.extend([&[4, ready.len() as u8][..], ready].concat());
+    broker.write_all(&greeting).unwrap();
+    let mut said = Vec::new();
+    while !said.ends_with(b"\x01/a") {
+        let mut some = [0; 256];
+        let count = broker.read(&mut some).unwrap();
+        said.extend(&some[..count]);
+    }
+    // The topic and frames of one byte, each with another behind it.
+    broker.write_all(&[&b"\x01\x02/a"[..], &b"\x01\x01x".repeat(5000)].concat()).unwrap();
+    until("the drop", || dropped(&context, DropReason::Oversize) == 1);
+    port.accept().expect("it is connected to again");
 }
 
 #[test]
