@@ -299,3 +299,20 @@ fn constants_are_generated() {
     assert_eq!((odd::Limits::PI.to_string().as_str(), odd::Limits::SMALL), ("3.14159", 15));
     assert_eq!(odd::Limits::YES.to_string(), "true");
 }
+
+/// Words that Rust keeps for itself are names of fields, types and packages in ROS.
+#[test]
+fn words_of_rust_are_names() {
+    let reserved = odd::Reserved {
+        r#type: 1,
+        self_: 2,
+        r#yield: 3,
+        last: golden::crate_::msg::Self_ { super_: 4 },
+        ..odd::Reserved::default()
+    };
+    let cdr = reserved.encode().to_bytes();
+    assert_eq!(odd::Reserved::decode(&cdr, 1024).unwrap(), reserved);
+    assert_eq!(golden::crate_::msg::Self_::ROS_TYPE, "crate/msg/Self");
+    let cut = odd::Reserved::decode(&cdr.slice(..6), 1024).unwrap_err().to_string();
+    assert!(cut.contains("as"), "{cut}");
+}

@@ -143,27 +143,26 @@ impl Generator {
         store.add_ament_path(&env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
         let (mut store, mut built_in) = (store.or_generated(), TypeStore::generated());
 
-        let (mut definitions, mut texts) = (rust::Definitions::new(), BTreeMap::new());
+        let mut definitions = rust::Definitions::new();
         for name in types {
-            let resolved = store.resolve_name(name)?;
             // The parts of a service or an action stand beside the whole.
-            definitions.extend(resolved.definitions().clone());
-            for source in store.sources(&resolved)? {
-                if source.encoding != "implicit" {
-                    let path = format!("{}.{}", source.type_name, source.encoding);
-                    texts.insert(path, source.raw_file_contents);
-                }
-            }
+            definitions.extend(store.resolve_name(name)?.definitions().clone());
         }
-        let (mut ours, mut files) = (BTreeSet::new(), BTreeSet::new());
+        let (mut ours, mut files, mut texts) = (BTreeSet::new(), BTreeSet::new(), BTreeMap::new());
         for name in definitions.keys() {
             let whole = name.interface();
-            let is_ours = match (built_in.resolve(&whole), store.resolve(&whole)) {
-                (Ok(built_in), Ok(found)) => built_in.type_hash() == found.type_hash(),
-                _ => false,
-            };
-            if is_ours {
+            let found = store.resolve(&whole)?;
+            if built_in.resolve(&whole).is_ok_and(|ours| ours.type_hash() == found.type_hash()) {
                 ours.insert(name.clone());
+            } else {
+                // A program has the texts of this crate's types already.
+                let whole = whole.to_string();
+                let mut sources = store.sources(&found)?.into_iter();
+                texts.extend(
+                    sources
+                        .find(|own| own.type_name == whole)
+                        .map(|own| (format!("{whole}.{}", own.encoding), own.raw_file_contents)),
+                );
             }
             files.extend(store.file(&whole)?);
         }
@@ -197,11 +196,59 @@ mod tests {
     }
 
     #[test]
+    fn a_program_has_the_text_of_each_type_once() {
+        let source = source(&["golden_msgs/action/Count", "std_msgs/msg/Header"]).unwrap();
+        let (_, texts) = source.split_once("TypeStore::of_texts").unwrap();
+        assert!(texts.contains("golden_msgs/action/Count.action"), "{texts}");
+        assert!(!texts.contains("std_msgs") && !texts.contains("builtin_interfaces"), "{texts}");
+    }
+
+    #[test]
     fn what_is_nowhere_is_named_with_the_places() {
         let error = source(&["golden_msgs/msg/Absent"]).unwrap_err().to_string();
         assert!(error.contains("golden_msgs/msg/Absent is defined nowhere"), "{error}");
         assert!(error.contains("tests/data/interfaces/golden_msgs/msg/Absent.msg"), "{error}");
         let error = source(&["Absent"]).unwrap_err().to_string();
         assert!(error.contains("\"Absent\" names no type"), "{error}");
+    }
+
+    /// Error for a package `fleet_msgs` that has this file, asked for a type.
+    fn fault(file: &str, text: &str, wanted: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fleet_msgs").join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+        let error = Generator::default().folder(folder.path()).source([wanted]).unwrap_err();
+        error.to_string()
+    }
+
+    #[test]
+    fn a_package_without_its_dependencies_is_told_what_to_install() {
+        let error = fault("msg/Order.msg", "depot_msgs/Shelf[] shelves\n", "fleet_msgs/msg/Order");
+        let needed =
+            "depot_msgs/msg/Shelf, which fleet_msgs/msg/Order has a field of, is defined nowhere";
+        assert!(error.starts_with(needed), "{error}");
+        assert!(error.contains("install its package (ros-jazzy-depot-msgs)"), "{error}");
+        assert!(error.ends_with("or give a folder with depot_msgs/msg/Shelf.msg"), "{error}");
+        assert!(!error.contains('\n'), "{error}");
+    }
+
+    #[test]
+    fn names_that_ros_2_forbids_are_told_with_their_line() {
+        let order = "fleet_msgs/msg/Order";
+        for (text, told) in [
+            ("int8 a\nint8 Shelf\n", "line 2: \"Shelf\" is no field name; use lower case letters"),
+            ("int8 a__b\n", "line 1: \"a__b\" is no field name"),
+            ("int8 slow=1\n", "line 1: \"slow\" is no constant name; use upper case letters"),
+            ("my-msgs/Shelf s\n", "line 1: \"my-msgs\" is no package name; use lower case letters"),
+            ("order_item i\n", "line 1: \"order_item\" is no type; use a built-in type"),
+        ] {
+            let error = fault("msg/Order.msg", text, order);
+            assert!(error.contains(told) && error.contains("fleet_msgs/msg/Order.msg"), "{error}");
+            assert!(!error.contains('\n'), "{error}");
+        }
+        let error = fault("msg/order.msg", "", "fleet_msgs/msg/order");
+        let told = "\"fleet_msgs/msg/order\" names no type: \"order\" is no type";
+        assert!(error.starts_with(told), "{error}");
     }
 }
