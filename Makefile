@@ -17,6 +17,7 @@
 # make version TO=0.2.0   writes the version where it stands
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
 # make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
+# make test-rosidl   structs of rosidl_generator_rs and a node on rclrs, where a workspace with the generator is sourced; a part of make test
 # make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
 
 SHELL := /bin/bash
@@ -25,7 +26,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo build package-crates package-deb package-ros package-wheel release version check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-wheel setup-frameworks test-fmt test-rust
-.PHONY: test-asan test-frameworks test-publish test-python test-colcon test-packages test-rmw test-release test-seeds test-features test-oldest test-semver deny
+.PHONY: test-asan test-frameworks test-publish test-python test-colcon test-packages test-rmw test-rosidl test-release test-seeds test-features test-oldest test-semver deny
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -51,7 +52,7 @@ check: test-fmt lint
 	@scripts/lo-namespace.sh cargo nextest run --workspace --locked --status-level fail --final-status-level slow \
 		-E 'not (package(wrapyfi_e2e) or test(/^simulation::/))'
 
-test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
+test: setup-test test-fmt lint test-rust test-rmw test-rosidl test-python doc test-colcon
 	@echo "make test: all passed"
 
 nightly: test-oldest test-semver test-features test-seeds test-churn test-release test-asan test-packages test-publish fuzz
@@ -212,6 +213,9 @@ version:
 # Of the ROS 2 that is sourced, else of the newest in /opt/ros; a counted skip where there is none.
 test-rmw: setup-test | target/COLCON_IGNORE
 	@scripts/test-rmw.sh
+
+test-rosidl: setup-test | target/COLCON_IGNORE
+	@scripts/test-rosidl.sh
 
 doc: | target/COLCON_IGNORE
 	@$(PYTHON3) scripts/links.py

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Compiles wrapyfi_core, wrapyfi_data, wrapyfi_plugins and wrapyfi_bridge with each feature alone, and with none. Features that
-# need something of the system which few have (`rmw`: a sourced ROS 2; `candle-cuda`: CUDA) are left out. And the extension
+# need something of the system which few have (`rmw`, `rosidl`: a sourced ROS 2; `candle-cuda`: CUDA) are left out. And the extension
 # for Python as a free-threaded Python has it, which needs none.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -9,7 +9,7 @@ features() {
     cargo metadata --no-deps --locked --format-version 1 | python3 -c '
 import json, sys
 package = next(p for p in json.load(sys.stdin)["packages"] if p["name"] == sys.argv[1])
-print("\n".join(sorted(set(package["features"]) - {"default", "full", "rmw", "candle-cuda"})))' "$1"
+print("\n".join(sorted(set(package["features"]) - {"default", "full", "rmw", "rosidl", "candle-cuda"})))' "$1"
 }
 
 for crate in wrapyfi_core wrapyfi_data wrapyfi_plugins wrapyfi_bridge; do

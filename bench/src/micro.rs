@@ -8,6 +8,7 @@
 //! | `ros1` | messages of ROS 1 to CDR and back, beside memcpy of their bytes |
 //! | `dynamic` | one decode of a `JointState` whose type is known at run time only |
 //! | `registered` | a registered method, beside the method itself and beside raw endpoints |
+//! | `typed` | generated structs from one node of ROS 2 to another, beside the endpoints with the same bytes |
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -23,12 +24,14 @@ use criterion::{BenchmarkGroup, Criterion};
 use memchr::{memmem, memrchr};
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{MessageType, Payload, Value};
+use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, Value};
 use wrapyfi_endpoint::codec::{json, ros};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{self as endpoint, Middleware as _, TopicSpec};
+use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::ros1::{Options, Rules, Types};
+use wrapyfi_interfaces::sensor_msgs::msg::{Image as RosImage, JointState};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use wrapyfi_zeromq::codec as frames;
 
@@ -60,6 +63,9 @@ struct Estimates {
     median: Median,
 }
 
+/// Messages that are structs.
+const TYPED: [&str; 2] = ["joints", "image 640x480"];
+
 /// Messages of ROS 1, and how much longer than memcpy they may take.
 const ROS1: [(&str, f64); 4] = [
     ("image 640x480", 1.5),
@@ -86,6 +92,7 @@ impl Micro {
         ros1(&mut criterion)?;
         dynamic(&mut criterion)?;
         registered(&mut criterion)?;
+        typed(&mut criterion)?;
         Ok(Self { folder: folder.to_owned() })
     }
 
@@ -159,6 +166,16 @@ impl Micro {
         let what =
             "publish and listen of registered methods in memory, against raw endpoints".to_owned();
         targets.extend(self.ratio(what, f64::NAN, "registered/listen", "registered/raw"));
+        for name in TYPED {
+            let what =
+                format!("publish and listen of structs on ROS 2, {name}, against raw endpoints");
+            targets.extend(self.ratio(
+                what,
+                1.05,
+                &format!("typed/{name}"),
+                &format!("typed/{name} raw"),
+            ));
+        }
         targets
     }
 
@@ -424,6 +441,61 @@ fn registered(criterion: &mut Criterion) -> Result<()> {
         listener.take()
     });
     group.finish();
+    Ok(())
+}
+
+/// From one node of ROS 2 to another in this process, and until it is there.
+fn typed(criterion: &mut Criterion) -> Result<()> {
+    let names = (0..12).map(|joint| format!("left_arm_joint_{joint}")).collect();
+    let [position, velocity] = [0.5, -0.25].map(|it| vec![it; 12]);
+    let joints = JointState { name: names, position, velocity, ..JointState::default() };
+    let data = Bytes::from(vec![0x5A; 640 * 480 * 3]);
+    let (height, width, encoding) = (480, 640, "bgr8".to_owned());
+    let image = RosImage { height, width, encoding, step: 1920, data, ..RosImage::default() };
+    let domain = std::process::id() % 100 + 1;
+    let node = |name| {
+        let with = |it: &mut wrapyfi_ros2::Ros2Settings| it.cyclone.domain_id = domain;
+        wrapyfi_core::ros2(name).with(with).start()
+    };
+    let nodes = [node("bench_talks")?, node("bench_listens")?];
+    let mut group = criterion.benchmark_group("typed");
+    let [of_joints, of_image] = TYPED;
+    there(&mut group, of_joints, &nodes, &joints)?;
+    there(&mut group, of_image, &nodes, &image)?;
+    group.finish();
+    Ok(())
+}
+
+fn there<M: Message>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    name: &str,
+    [talks, listens]: &[wrapyfi_ros2::Ros2; 2],
+    message: &M,
+) -> Result<()> {
+    let spec = TopicSpec::new("/typed", MessageType::Ros(RosType::of::<M>()?));
+    let context = endpoint::Context::default();
+    let mut listener = listens.open_listener(&spec, &context)?;
+    let mut publisher = talks.open_publisher(&spec, &endpoint::Context::default())?;
+    while publisher.link().peers != Some(1) || listener.link().peers != Some(1) {
+        _ = context.wake.wait(Duration::from_millis(10));
+    }
+    let mut sent = |payload: &Payload| -> Result<Payload> {
+        publisher.publish(payload)?;
+        loop {
+            if let Some(sample) = listener.take()? {
+                return Ok(sample.payload);
+            }
+            _ = context.wake.wait(Duration::from_secs(1));
+        }
+    };
+    let raw = Payload::from(RosMessage::of(message)?);
+    time(group, format!("{name} raw"), || sent(black_box(&raw)));
+    time(group, name, || -> Result<M> {
+        let Payload::RosMessage(found) = sent(&RosMessage::of(black_box(message))?.into())? else {
+            anyhow::bail!("no message of ROS")
+        };
+        Ok(found.read()?)
+    });
     Ok(())
 }
 

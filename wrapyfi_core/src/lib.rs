@@ -22,6 +22,7 @@
 //! * [`middleware`]: the transports. [`network`]: names of machines, and who may reach our sockets.
 //! * `engine`, with the feature of that name: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
+//! * `rosidl`, with the feature of that name: structs of the crates that `rosidl_generator_rs` writes.
 //! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
 //! * `node`, with `ros1` or `ros2`: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
@@ -78,6 +79,9 @@ pub use start::yarp;
 pub use start::zeromq;
 
 pub use wrapyfi_data::{DecodeError, EncodeError, Limits};
+#[cfg(feature = "rosidl")]
+#[doc(inline)]
+pub use wrapyfi_ros2::rosidl;
 
 /// Plug-ins, which read and write the objects of Python's libraries: those of Wrapyfi, and what it takes to write more.
 pub mod plugin {

@@ -51,7 +51,7 @@ pub mod kind {
 /// | `Image` | [`types::Image`]; `Option` of it, whose `None` is not sent |
 /// | `AudioChunk` | [`types::AudioChunk`]; `Option` of it, whose `None` is not sent |
 /// | `Properties` | [`types::Properties`]; `Option` of it, whose `None` is not sent |
-/// | `RosMessage` | every generated message ([`Message`]); [`types::RosMessage`], whose type the option `message_type` names |
+/// | `RosMessage` | every generated message ([`Message`]), of `rosidl_generator_rs` in `Rosidl`; [`types::RosMessage`], whose type the option `message_type` names |
 ///
 /// ```
 /// use wrapyfi_data::returned::{PayloadError, Returned, kind};
@@ -73,7 +73,7 @@ pub mod kind {
     label = "not carried under this data type",
     note = "NativeObject carries `Value` and what is `Serialize + DeserializeOwned`, Image carries \
             `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`, RosMessage carries \
-            generated messages of `wrapyfi_interfaces` and `types::RosMessage`"
+            generated messages of `wrapyfi_interfaces`, `rosidl::Rosidl` and `types::RosMessage`"
 )]
 pub trait Returned<K>: Sized {
     /// ROS type that the Rust type is, where it is one.
@@ -143,6 +143,9 @@ pub enum PayloadError {
     /// The value has no form of the type.
     #[error(transparent)]
     Convert(#[from] ConvertError),
+    /// A struct that another generator wrote could not be written or read.
+    #[error("{0}")]
+    Foreign(String),
 }
 
 impl<T: Serialize + DeserializeOwned> Returned<kind::NativeObject> for T {

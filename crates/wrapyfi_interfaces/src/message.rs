@@ -49,15 +49,20 @@ pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
 pub struct GeneratedType {
     /// ROS name, for instance `sensor_msgs/msg/Image`.
     pub name: &'static str,
-    /// REP-2016 hash.
-    pub hash: &'static str,
+    /// REP-2016 hash, where it is known before the program runs.
+    pub hash: Option<&'static str>,
     types: fn() -> TypeStore,
 }
 
 impl GeneratedType {
     /// Type of a message.
     pub const fn of<M: Message>() -> Self {
-        Self { name: M::ROS_TYPE, hash: M::TYPE_HASH, types: M::types }
+        Self { name: M::ROS_TYPE, hash: Some(M::TYPE_HASH), types: M::types }
+    }
+
+    /// Type of a message that another generator wrote, whose definition is the one in `types`.
+    pub const fn foreign(name: &'static str, types: fn() -> TypeStore) -> Self {
+        Self { name, hash: None, types }
     }
 
     /// A store that has its definition.

@@ -9,7 +9,8 @@
 //!     └──── graph: names, types, endpoints, one thread that waits    ┘
 //! ```
 //!
-//! Nothing here knows what the bytes mean. No package that defines a type has to be installed.
+//! Nothing here knows what the bytes mean. No package that defines a type has to be installed. With the feature `rosidl`,
+//! structs of the crates that `rosidl_generator_rs` writes become such bytes ([`rosidl`]).
 //!
 //! The crate is empty without its feature `installed`; with it, a ROS 2 has to be sourced when it is built
 //! and when it runs.
@@ -26,6 +27,8 @@ mod node;
 mod own;
 mod publisher;
 mod qos;
+#[cfg(feature = "rosidl")]
+pub mod rosidl;
 mod security;
 mod service;
 mod subscription;

@@ -51,8 +51,8 @@ pub enum Taken {
     TooLarge(usize),
 }
 
-/// Memory that rmw allocated for a message.
-struct Buffer(sys::rmw_serialized_message_t);
+/// Memory that rmw allocates for a message.
+pub(crate) struct Buffer(pub(crate) sys::rmw_serialized_message_t);
 
 // SAFETY: the memory is this value's alone.
 unsafe impl Send for Buffer {}
@@ -66,6 +66,18 @@ impl AsRef<[u8]> for Buffer {
         }
         // SAFETY: rmw has written so many bytes.
         unsafe { std::slice::from_raw_parts(self.0.buffer, self.0.buffer_length) }
+    }
+}
+
+impl Buffer {
+    /// No bytes yet, and the allocator with which rmw enlarges it.
+    pub(crate) fn new() -> Self {
+        // SAFETY: structs of values, by value.
+        unsafe {
+            let mut empty = sys::rcutils_get_zero_initialized_uint8_array();
+            empty.allocator = sys::rcutils_get_default_allocator();
+            Self(empty)
+        }
     }
 }
 
@@ -140,16 +152,9 @@ impl Subscription {
     /// When rmw refuses.
     pub fn take(&self, max_bytes: usize) -> Result<Taken, Fault> {
         loop {
-            // SAFETY: structs of values, by value.
-            let (empty, mut info) = unsafe {
-                (
-                    sys::rcutils_get_zero_initialized_uint8_array(),
-                    sys::rmw_get_zero_initialized_message_info(),
-                )
-            };
-            let mut buffer = Buffer(empty);
-            // SAFETY: the allocator that rmw enlarges the buffer with.
-            buffer.0.allocator = unsafe { sys::rcutils_get_default_allocator() };
+            // SAFETY: a struct of values, by value.
+            let mut info = unsafe { sys::rmw_get_zero_initialized_message_info() };
+            let mut buffer = Buffer::new();
             let mut taken = false;
             // SAFETY: the subscription lives; rmw allocates what the message needs.
             let code = unsafe {

@@ -16,6 +16,8 @@
 //!
 //!   rmw_graph ───────── rmw_endpoints: the middleware of an installed ROS 2, over wrapyfi_rmw
 //!
+//!   rosidl ──────────── structs of the crates that rosidl_generator_rs writes, over the same
+//!
 //!   rust_services ───── services as Fast DDS has them, on RustDDS
 //!
 //!   service: services of any type, by the bytes of requests and replies
@@ -121,6 +123,8 @@ mod rmw_marks;
 #[cfg(feature = "rmw")]
 mod rmw_paired;
 mod ros2;
+#[cfg(feature = "rosidl")]
+pub mod rosidl;
 #[cfg(feature = "fastdds-services")]
 mod rust_services;
 #[cfg(feature = "driver")]

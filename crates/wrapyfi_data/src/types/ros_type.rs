@@ -157,7 +157,7 @@ impl RosType {
     /// # Errors
     /// As there.
     pub fn generated(of: GeneratedType) -> Result<Self, RosTypeError> {
-        match Self::known(of.name, of.hash) {
+        match of.hash.and_then(|hash| Self::known(of.name, hash)) {
             Some(known) => Ok(known),
             None => Self::new(&defined(of.name, of.types())?),
         }
