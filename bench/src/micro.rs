@@ -1,4 +1,4 @@
-//! Codecs against their bound, in one thread of this process but for JPEG, measured by criterion.
+//! Codecs against their bound, in one thread of this process, measured by criterion.
 //!
 //! | group | holds |
 //! | --- | --- |
@@ -210,8 +210,8 @@ impl Micro {
                 targets.push(Target::once(what, AtLeast(promised), python / ours, parts));
             }
         }
-        let head = "One thread, for our JPEG as many as there are cores, at most four; no transport, microseconds: a whole \
-                    message of ZeroMQ frames (a JPEG from pixels and to pixels), and CDR.\n\n\
+        let head = "One thread, no transport, microseconds: a whole message of ZeroMQ frames (a JPEG from pixels and to \
+                    pixels), and CDR.\n\n\
                     | payload | encode | Python | decode | Python | encode CDR | decode CDR |\n\
                     | --- | --- | --- | --- | --- | --- | --- |\n";
         Ok((format!("{head}{rows}"), targets))

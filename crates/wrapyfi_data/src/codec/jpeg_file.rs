@@ -1,10 +1,10 @@
 //! JPEG files read and written by libjpeg-turbo of the system, as OpenCV and image_transport do it.
 
 use bytes::Bytes;
-use turbojpeg::{PixelFormat, Subsamp};
+use turbojpeg::{Compressor, Decompressor, PixelFormat, Subsamp};
 
 use super::jpeg_header::JpegHeader;
-use super::{DecodeError, DecodeResult, EncodeError, jpeg_restart, jpeg_strips};
+use super::{DecodeError, DecodeResult, EncodeError};
 use crate::Limits;
 use crate::types::{Encoding, RawPixels};
 
@@ -40,15 +40,24 @@ pub fn encode(pixels: &RawPixels, quality: u8) -> Result<Bytes, EncodeError> {
     let checked = RawPixels::new(width, height, encoding, step, pixels.data.clone())
         .map_err(|error| refuse(&error.to_string()))?;
     let image = turbojpeg::Image {
-        pixels: checked.data,
+        pixels: &*checked.data,
         width: width as usize,
         pitch: step as usize,
         height: height as usize,
         format,
     };
     let subsampling = if encoding == Encoding::Mono8 { Subsamp::Gray } else { Subsamp::Sub2x2 };
-    jpeg_strips::compress(&image, subsampling, quality)
-        .map_err(|error| refuse(&format!("the encoder says: {error}")))
+    let compress = || {
+        let mut compressor = Compressor::new()?;
+        compressor.set_quality(i32::from(quality));
+        compressor.set_subsamp(subsampling);
+        // Room for the worst case, of which only what is written is ever touched.
+        let mut file = vec![0; compressor.buf_len(image.width, image.height)?];
+        let length = compressor.compress_to_slice(image, &mut file)?;
+        file.truncate(length);
+        Ok::<_, turbojpeg::Error>(Bytes::from(file))
+    };
+    compress().map_err(|error| refuse(&format!("the encoder says: {error}")))
 }
 
 /// Decompresses a file: grey to `mono8`, colour to `rgb8` or `bgr8` as `color_order` says,
@@ -75,8 +84,16 @@ pub fn decode(
     let (width, height) = (u32::from(width), u32::from(height));
     let size = u64::from(width) * u64::from(height) * format.size() as u64;
     DecodeError::check_pixels("JPEG", width, height, size, limits)?;
-    let extents = (width as usize, height as usize);
-    let (mut pixels, decompressed) = jpeg_restart::decompress(file, extents, format);
+    // Below the limit, which is a usize.
+    let mut pixels = vec![0; usize::try_from(size).unwrap_or_default()];
+    let image = turbojpeg::Image {
+        pixels: pixels.as_mut_slice(),
+        width: width as usize,
+        pitch: width as usize * format.size(),
+        height: height as usize,
+        format,
+    };
+    let decompressed = Decompressor::new().and_then(|mut it| it.decompress(file, image));
     match decompressed {
         Err(turbojpeg::Error::TurboJpegError(text)) if is_harmless(&text) => {}
         other => other.map_err(|error| malformed(error.to_string()))?,

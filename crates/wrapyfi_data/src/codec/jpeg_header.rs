@@ -39,8 +39,8 @@ impl JpegHeader {
             }
             let is_progressive = matches!(marker, 0xC2 | 0xC6 | 0xCA | 0xCE);
             // Inside the picture FF is always followed by 00 or a marker.
-            let scans = || memmem::find_iter(rest, &[0xFF, 0xDA]).take(MAX_SCANS + 1).count();
-            if is_progressive && scans() > MAX_SCANS {
+            let scans = memmem::find_iter(rest, &[0xFF, 0xDA]).take(MAX_SCANS + 1).count();
+            if is_progressive && scans > MAX_SCANS {
                 return Err(format!("more than {MAX_SCANS} scans"));
             }
             return Self::of_frame(segment);
@@ -65,7 +65,7 @@ impl JpegHeader {
 const ENDS: &str = "the file ends before its frame header";
 
 /// The next marker, and what follows it. Any number of FF may stand before it.
-pub(super) fn marker(bytes: &[u8]) -> Result<(u8, &[u8]), String> {
+fn marker(bytes: &[u8]) -> Result<(u8, &[u8]), String> {
     let after = bytes.strip_prefix(&[0xFF]).ok_or("a segment that begins with no marker")?;
     let fill = after.iter().take_while(|&&byte| byte == 0xFF).count();
     let (marker, rest) = after.get(fill..).and_then(<[u8]>::split_first).ok_or(ENDS)?;

@@ -1,4 +1,4 @@
-//! Bytes to values and back: no sockets, no clocks, no threads but those of one call on a large JPEG file.
+//! Bytes to values and back: no sockets, no clocks, no threads.
 //!
 //! ```text
 //!   ZeroMQ frames ─▶ frames ─▶ Payload ─▶ ros ─▶ CDR
@@ -16,8 +16,6 @@
 //! | `image_file` | with feature `pictures`, image files of other formats | |
 
 pub mod convert;
-#[cfg(feature = "jpeg")]
-mod cores;
 mod error;
 mod fields;
 #[cfg(feature = "pictures")]
@@ -29,10 +27,6 @@ mod jpeg_absent;
 mod jpeg_file;
 #[cfg(feature = "jpeg")]
 mod jpeg_header;
-#[cfg(feature = "jpeg")]
-mod jpeg_restart;
-#[cfg(feature = "jpeg")]
-mod jpeg_strips;
 pub mod json;
 pub mod npy;
 mod path;
