@@ -3,6 +3,7 @@
 # rmw that it has, or under those that are named.
 #
 #   scripts/test-rmw.sh [rmw_fastrtps_cpp ...]
+#   scripts/test-rmw.sh --kilted                  with the wheels of ROS 2 Kilted that `make setup-test` installs
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -18,11 +19,20 @@ source_newest() {
     fi
 }
 
+# The wheels have nothing to source, no rmw_implementation and no `ros2`; each has libraries in a folder of its own.
+kilted=
+if [ "${1:-}" = --kilted ]; then
+    shift
+    kilted=$PWD/.venv-kilted
+    export AMENT_PREFIX_PATH=$kilted ROS_DISTRO=kilted LD_LIBRARY_PATH
+    LD_LIBRARY_PATH=$(printf '%s:' "$kilted"/lib "$kilted"/lib/python3*/site-packages/*.libs)
+fi
+
 # Where the rmw of what is sourced is; a workspace of something else may be before it.
 prefix_of_rmw() {
     local prefix IFS=:
     for prefix in ${AMENT_PREFIX_PATH:-}; do
-        if [ -f "$prefix/include/rmw/rmw/rmw.h" ] && [ -f "$prefix/lib/librmw_implementation.so" ]; then
+        if [ -f "$prefix/include/rmw/rmw/rmw.h" ] && [ -f "$prefix/lib/librmw.so" ]; then
             echo "$prefix"
             return
         fi
@@ -30,12 +40,12 @@ prefix_of_rmw() {
 }
 
 prefix=$(prefix_of_rmw)
-if [ -z "$prefix" ]; then
+if [ -z "$prefix$kilted" ]; then
     source_newest
     prefix=$(prefix_of_rmw)
 fi
 if [ -z "$prefix" ]; then
-    echo "test-rmw: skipped, because no ROS 2 is sourced and none is in /opt/ros"
+    echo "test-rmw: skipped, because ${kilted:-no ROS 2 is sourced and none is in /opt/ros}${kilted:+ has no rmw}"
     [ -z "${WRAPYFI_REQUIRE_ROS2:-}" ] || exit 1
     exit 0
 fi
@@ -50,7 +60,8 @@ for entry in "$prefix"/share/ament_index/resource_index/rmw_typesupport/rmw_*_cp
 done
 [ $# -eq 0 ] || installed=("$@")
 
-build=(--workspace --locked --features wrapyfi_bridge/rmw)
+# Programs and tests with one choice of targets: another one has other features of dependencies, and builds them all again.
+build=(--workspace --locked --features wrapyfi_bridge/rmw --lib --bins --test main)
 cargo --quiet build "${build[@]}"
 cargo --quiet nextest run "${build[@]}" --no-run
 

@@ -14,6 +14,7 @@
 
 fn main() {
     println!("cargo:rerun-if-env-changed=WRAPYFI_RMW_PREFIX_PATH");
+    println!("cargo:rerun-if-changed=src/release.rs");
     println!("cargo:rerun-if-changed=src/rmw.h");
     println!("cargo:rerun-if-changed=src/logging.h");
     println!("cargo:rerun-if-changed=src/logging.cpp");
@@ -24,9 +25,18 @@ fn main() {
 }
 
 #[cfg(feature = "installed")]
+#[path = "src/release.rs"]
+mod release;
+
+#[cfg(feature = "installed")]
 mod installed {
+    use super::release::{named, rmw_version};
     use std::env;
     use std::path::{Path, PathBuf};
+
+    /// Middlewares that are linked where nothing loads the one that `RMW_IMPLEMENTATION` names, as in wheels; the
+    /// first goes first, which is ROS 2's default.
+    const RMWS: [&str; 3] = ["rmw_fastrtps_cpp", "rmw_zenoh_cpp", "rmw_cyclonedds_cpp"];
 
     pub(super) fn build() {
         let told = env::var("WRAPYFI_RMW_PREFIX_PATH").ok().filter(|path| !path.is_empty());
@@ -36,20 +46,28 @@ mod installed {
         });
         let prefixes: Vec<PathBuf> = env::split_paths(&path).collect();
         let find = |file: &str| prefixes.iter().find(|prefix| prefix.join(file).is_file());
-        if find("include/rmw/rmw/rmw.h").is_none() {
+        let Some(headers) = find("include/rmw/rmw/rmw.h") else {
             panic!(
                 "no rmw/rmw.h under {path:?} (AMENT_PREFIX_PATH): source a ROS 2 that has ros-base \
                  (`. /opt/ros/<distribution>/setup.bash`), or build without the feature rmw"
             );
-        }
+        };
+        let version = rmw_version(headers).unwrap_or_default();
+        println!("cargo:rustc-env=WRAPYFI_RMW_VERSION={version}");
         let includes: Vec<PathBuf> = prefixes.iter().flat_map(|prefix| folders(prefix)).collect();
         bind(&includes);
-        compile(&includes);
+        compile(&includes, &named(&version));
         // Under names of our own: a system may have libraries of other versions, which linkers would find first. What is
         // loaded is what the libraries call themselves.
         let out = PathBuf::from(env::var_os("OUT_DIR").expect("Cargo sets OUT_DIR"));
         println!("cargo:rustc-link-search=native={}", out.display());
-        for library in ["rmw_implementation", "rmw", "rcutils", "fastcdr"] {
+        let loads = "rmw_implementation";
+        let is_there = |rmw: &&str| find(&format!("lib/lib{rmw}.so")).is_some();
+        let rmw = [loads].into_iter().chain(RMWS).find(is_there).unwrap_or(loads);
+        if rmw != loads {
+            println!("cargo:rustc-env=WRAPYFI_RMW_ONLY={rmw}");
+        }
+        for library in [rmw, "rmw", "rcutils", "fastcdr"] {
             let file = format!("lib/lib{library}.so");
             let Some(prefix) = find(&file) else {
                 panic!(
@@ -97,12 +115,13 @@ mod installed {
             .expect("OUT_DIR cannot be written");
     }
 
-    fn compile(includes: &[PathBuf]) {
+    fn compile(includes: &[PathBuf], version: &str) {
         cc::Build::new()
             .cpp(true)
             .std("c++17")
             .includes(includes)
             .warnings(false)
+            .define("WRAPYFI_RMW_VERSION", format!("{version:?}").as_str())
             .file("src/logging.cpp")
             .file("src/type_support.cpp")
             .compile("wrapyfi_type_support");

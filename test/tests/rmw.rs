@@ -61,6 +61,19 @@ fn a_library_of_another_interface_is_named() -> Result {
     })
 }
 
+/// A program of one distribution where another one is sourced: structs would have other fields.
+#[test]
+fn another_distribution_is_named() -> Result {
+    run("another_distribution_is_named", NEEDS, |env| {
+        RealRos2::new(env, "rmw_fastrtps_cpp")?.copy("librmw.so", "librmw.so")?;
+        let package = env.path("share/rmw");
+        std::fs::create_dir_all(&package)?;
+        std::fs::write(package.join("package.xml"), "<version>99.0.0</version>")?;
+        let words = ["built with rmw", "has rmw 99.0.0", "source the ROS 2 that it was built with"];
+        refused(env, &[], &words)
+    })
+}
+
 /// As nodes of rclcpp do.
 #[test]
 fn security_that_is_enforced_without_keys_is_refused() -> Result {

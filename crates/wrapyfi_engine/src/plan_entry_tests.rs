@@ -160,7 +160,10 @@ fn a_pattern_names_what_it_takes_and_where_that_goes() {
                        deny: ['.*/compressedDepth'], queue_depth: 3");
     assert_eq!(target(&pattern, "/camera/left").as_deref(), Some("ros2:/ros1/camera/left"));
     assert_eq!(target(&pattern, "/map").as_deref(), Some("ros2:/ros1/map"));
-    for name in ["/camera/depth/compressedDepth", "/other", "/camera/_hidden", "camera/left"] {
+    // Fast DDS and Zenoh of ROS 2 Lyrical have such topics beside those of images.
+    let buffers = ["/camera/left/_buf_cpu", "/camera/left/_buf/010f3412"];
+    let others = ["/camera/depth/compressedDepth", "/other", "/camera/_hidden", "camera/left"];
+    for name in buffers.into_iter().chain(others) {
         assert_eq!(target(&pattern, name), None, "{name}");
     }
     assert_eq!(pattern.typing, Typing::Learned);

@@ -22,11 +22,13 @@ mod endpoint;
 mod event;
 mod fault;
 mod graph;
+mod loaded;
 mod log;
 mod node;
 mod own;
 mod publisher;
 mod qos;
+mod release;
 #[cfg(feature = "rosidl")]
 pub mod rosidl;
 mod security;

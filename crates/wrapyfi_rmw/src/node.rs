@@ -91,8 +91,10 @@ unsafe impl Sync for Inner {}
 /// Name of the middleware that is loaded, for instance `rmw_fastrtps_cpp`. Loads it where none is.
 ///
 /// # Errors
-/// When the library that `RMW_IMPLEMENTATION` names cannot be loaded; the reason names it.
+/// When the library that `RMW_IMPLEMENTATION` names cannot be loaded, or is of another distribution than that which the
+/// program was built with; the reason names both.
 pub fn implementation() -> Result<String, Fault> {
+    super::loaded::check()?;
     super::log::begin();
     // SAFETY: no arguments; the text is a constant of the library, which is never unloaded.
     let name = unsafe { sys::rmw_get_implementation_identifier() };

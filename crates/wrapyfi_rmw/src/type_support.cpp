@@ -1,5 +1,7 @@
 #include "type_support.h"
 
+#include <dlfcn.h>
+
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -24,8 +26,16 @@ constexpr char FAST_CDR[] = "rosidl_typesupport_fastrtps_cpp";
 // The same where they are the members of a message.
 constexpr char MEMBERS[] = "rosidl_typesupport_introspection_cpp";
 
-// Where the received bytes end: Cdr has it, and no function that tells. Naming a private member is
-// allowed in an explicit instantiation, which hands out its pointer.
+// What is not set below stays zero: true of the last fields of each that is known, those of Lyrical for buffers outside
+// the CPU's memory among them.
+static_assert(
+  sizeof(message_type_support_callbacks_t) == 7 * sizeof(void *) ||
+  sizeof(message_type_support_callbacks_t) == 10 * sizeof(void *),
+  "message_type_support_callbacks_t of this ROS 2, with " WRAPYFI_RMW_VERSION ", has neither the 7 fields of Jazzy and "
+  "Kilted nor the 10 of Lyrical: source one of these, or build without the feature rmw");
+
+// Where the received bytes end: Cdr has it, and no function that tells (a jump beyond it makes the buffer longer). Naming a
+// private member is allowed in an explicit instantiation, which hands out its pointer: a Cdr without it does not compile.
 struct End {
   using type = FastBuffer::iterator Cdr::*;
   friend type pointer(End);
@@ -178,6 +188,13 @@ const rosidl_type_hash_t * service_hash(const rosidl_service_type_support_t * ha
 }
 
 }  // namespace
+
+extern "C" const char * wrapyfi_rmw_file()
+{
+  Dl_info info;
+  void * place = reinterpret_cast<void *>(&rmw_get_zero_initialized_init_options);
+  return dladdr(place, &info) ? info.dli_fname : nullptr;
+}
 
 extern "C" rmw_ret_t wrapyfi_leave(rmw_context_t * context)
 {

@@ -51,6 +51,9 @@ const rosidl_service_type_support_t * wrapyfi_service_type(
   const char * service_namespace, const char * name,
   const uint8_t * hash, const uint8_t * request_hash, const uint8_t * response_hash);
 
+// File of the librmw that is loaded, which tells of which ROS 2 it is. NULL where the loader does not know.
+const char * wrapyfi_rmw_file(void);
+
 // rmw_shutdown and rmw_context_fini. Closing a session of Zenoh throws where a thread does not end in time.
 rmw_ret_t wrapyfi_leave(rmw_context_t * context);
 

@@ -185,8 +185,10 @@ impl CycloneGraph {
             .map_err(|error| fault(error.to_string()))?;
         let node = &self.node;
         let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
-        let data =
-            |hash: &Option<String>| marked(end_user_data(id_key, &id, hash.as_deref()), mark);
+        let data = |hash: &Option<String>| {
+            let own = service.type_hash.as_deref();
+            marked(end_user_data(id_key, &id, hash.as_deref(), own), mark)
+        };
         let requests = (names.requests, data(&service.request_hash));
         let replies = (names.replies, data(&service.response_hash));
         let ((written, written_data), (read, read_data)) =

@@ -46,9 +46,16 @@ const MARK: &str = "wrapyfibridge=";
 pub(super) const ENCLAVE: &str = "enclave=/;";
 
 /// USER_DATA of an end of a service, as `rmw_cyclonedds_cpp` has it: `serviceid` or `clientid`, which
-/// both endpoints of the end share, and the type hash.
-pub(super) fn end_user_data(key: &str, id: &str, type_hash: Option<&str>) -> String {
-    format!("{key}= {id};{}", hash_data(type_hash))
+/// both endpoints of the end share, the hash of the request or response, and from Lyrical on that of the service, which
+/// `ros2 service info -v` shows.
+pub(super) fn end_user_data(
+    key: &str,
+    id: &str,
+    type_hash: Option<&str>,
+    service_hash: Option<&str>,
+) -> String {
+    let service = service_hash.map(|hash| format!("ser{}", hash_data(Some(hash))));
+    format!("{key}= {id};{}{}", hash_data(type_hash), service.unwrap_or_default())
 }
 
 /// USER_DATA of an endpoint: its type hash.
@@ -87,6 +94,26 @@ pub(super) fn type_hash(user_data: &[u8]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Lyrical adds the hash of the service, and the makers of memory that a node reads, in either spelling of
+    /// `rmw_fastrtps_cpp`.
+    #[test]
+    fn pairs_of_later_distributions_are_passed_over() {
+        let (own, service) = (Some("RIHS01_ab"), Some("RIHS01_cd"));
+        let end = end_user_data("serviceid", "1.10.8", own, service);
+        assert_eq!(end, "serviceid= 1.10.8;typehash=RIHS01_ab;sertypehash=RIHS01_cd;");
+        for text in [
+            end.as_str(),
+            "sertypehash=RIHS01_cd;typehash=RIHS01_ab;",
+            "typehash=RIHS01_ab;BUFBE:cpu=;cuda=device:0;",
+            "typehash=RIHS01_ab;bufbe=cpu:,cuda:device=0;",
+            "typehash=RIHS01_ab;sertypehash=RIHS01_cd;bufbe=cpu:;something new",
+        ] {
+            assert_eq!(type_hash(text.as_bytes()).as_deref(), own, "{text}");
+            assert_eq!(mark(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(type_hash(b"sertypehash=RIHS01_cd;BUFBE:typehash=RIHS01_ab"), None);
+    }
 
     #[test]
     fn a_mark_stands_beside_the_type_hash() {

@@ -34,8 +34,8 @@ pub enum CdrError {
     Trailing(usize),
     /// A sequence or a string claims more elements than the message has room for.
     #[error(
-        "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
-         corrupt, or of another type"
+        "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: {}",
+        guess(*claimed)
     )]
     Length {
         /// The field.
@@ -112,6 +112,16 @@ impl CdrError {
             | Self::NotUtf8 { path, .. }
             | Self::NotUtf16 { path, .. } => *path = change(path),
         }
+    }
+}
+
+/// Reason why a sequence claims so many elements: the largest number stands in ROS 2 Lyrical for a description of memory
+/// that only nodes of one machine and maker can read.
+fn guess(claimed: u64) -> &'static str {
+    if claimed == u64::from(u32::MAX) {
+        "a buffer in the memory of a device (rosidl::Buffer), or corrupt; its values are on the topic without /_buf"
+    } else {
+        "corrupt, or of another type"
     }
 }
 

@@ -218,6 +218,18 @@ fn big_endian_messages_decode_as_little_endian_ones() {
     }
 }
 
+/// Nodes of ROS 2 Lyrical send a device's buffer as a mark, the maker and a description.
+#[test]
+fn a_buffer_of_a_device_is_told_from_a_lie() {
+    let mut plans = Plans::new();
+    let plan = plans.of("std_msgs/msg/UInt8MultiArray");
+    // No dimensions, no offset; the mark, the length of "cuda" with its NUL, and its letters.
+    let cdr = hex(&"000100000000000000000000ffffffff050000006375646100000000".into());
+    let error = plan.decode(&cdr, LIMIT).unwrap_err().to_string();
+    assert!(error.starts_with("data claims 4294967295 elements"), "{error}");
+    assert!(error.contains("the memory of a device (rosidl::Buffer)"), "{error}");
+}
+
 #[test]
 fn a_lie_about_a_length_names_its_field() {
     let mut plans = Plans::new();

@@ -88,7 +88,7 @@ fn written(record: &Record, said: &[u8], topic: &str, hash: &str) -> String {
             sum | u32::from_str_radix(digits, 16).unwrap() << (8 * place)
         });
         assert_eq!(names::end_id(&record.writer(), number), id);
-        return end_user_data(key, id, Some(hash));
+        return end_user_data(key, id, Some(hash), None);
     }
     user_data(&TopicDescription {
         name: topic.to_owned(),
