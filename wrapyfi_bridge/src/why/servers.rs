@@ -1,4 +1,4 @@
-//! Step of the walk at the servers of a name on ROS 2, which sends a request to every one of them.
+//! Step of the walk at the servers of a service or an action on ROS 2, which sends a request to every one of them.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,8 @@ impl Walk<'_> {
     /// The node that alone offers a service or an action on ROS 2.
     pub(super) fn only_server(&self, end: &WayEnd) -> StepResult {
         let (address, interaction) = (&end.address, self.way.interaction);
-        if address.middleware != GRAPH {
+        // A topic may have as many publishers as it likes.
+        if address.middleware != GRAPH || interaction == Interaction::Topic {
             return Ok(());
         }
         // Endpoints of one node may be several, and one that has not told its name yet may be of a node that has.
@@ -72,6 +73,8 @@ mod tests {
                 assert_eq!(found(GRAPH, interaction, alone), None, "{alone:?}");
             }
         }
+        let publishers = found(GRAPH, Interaction::Topic, &[Some("/a"), Some("/b")]);
+        assert_ne!(publishers.map(|it| it.cause), Some(CauseCode::NameTaken));
         // The master knows one server of a service.
         assert_eq!(found("ros", Interaction::Service, &[Some("/a"), Some("/b")]), None);
     }
