@@ -28,7 +28,7 @@ pub enum Failure {
     #[error("a cause was found")]
     Found,
     /// Everything else: exit code 1.
-    #[error("{0:#}")]
+    #[error("{}", in_words(.0))]
     Failed(#[from] anyhow::Error),
 }
 
@@ -53,6 +53,20 @@ impl Failure {
     }
 }
 
+/// The causes of an error one behind the other, without those that the one before has told already.
+fn in_words(error: &anyhow::Error) -> String {
+    let mut words = String::new();
+    let mut before = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !before.contains(&cause) {
+            words += if words.is_empty() { "" } else { ": " };
+            words += &cause;
+            before = cause;
+        }
+    }
+    words
+}
+
 /// Prints the failure, if any, and turns it into the process's exit code.
 #[must_use]
 pub fn finish(outcome: Result<()>) -> ExitCode {
@@ -62,4 +76,19 @@ pub fn finish(outcome: Result<()>) -> ExitCode {
         Err(failure) => logging::last_word(&format!("wrapyfi: {failure}")),
     }
     ExitCode::from(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_that_is_told_is_not_told_again() {
+        let full = || std::io::Error::other("the disk is full");
+        let named = anyhow::Error::new(full()).context("cannot write: the disk is full");
+        let error = Failure::Failed(named.context("a.mcap"));
+        assert_eq!(error.to_string(), "a.mcap: cannot write: the disk is full");
+        let plain = Failure::Failed(anyhow::Error::new(full()).context("a.mcap"));
+        assert_eq!(plain.to_string(), "a.mcap: the disk is full");
+    }
 }
