@@ -65,7 +65,7 @@ pub struct Running {
 impl Running {
     /// Present statuses of the routes as messages, with the names that the node has for their ends.
     pub fn infos(&self) -> Vec<RouteInfo> {
-        self.routes.status().iter().map(|status| info::of(status, &self.node)).collect()
+        info::of_all(&self.routes.status(), &self.node)
     }
 }
 

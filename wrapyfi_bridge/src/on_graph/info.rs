@@ -9,8 +9,13 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 use crate::node::Node;
 use crate::why::Diagnosis;
 
-/// State and counters of a route of the bridge with this `node` as a message.
-pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
+/// State and counters of the routes of the bridge with this `node` as messages.
+pub fn of_all(routes: &[RouteStatus], node: &Node) -> Vec<RouteInfo> {
+    routes.iter().map(|status| of(status, node)).collect()
+}
+
+/// As [`of_all`], of one route.
+fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
     let CountersSnapshot { received, sent, sent_bytes, drops, goals, latency, refused, .. } =
         &status.counters;
     // What was lost before it arrived never arrived.

@@ -268,7 +268,7 @@ impl Work {
             status.publish(&BridgeStatus {
                 header: Header { stamp, frame_id: String::new() },
                 state: seen.0.label().to_owned(),
-                routes: seen.1.iter().map(|route| info::of(route, &bridge.node)).collect(),
+                routes: info::of_all(&seen.1, &bridge.node),
             });
         }
         if let Some((topic, diagnostics)) = &mut self.diagnostics {

@@ -72,7 +72,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<()> {
         let ended = viewer.watch(until, shutdown);
         let elapsed = tick.elapsed();
         tick = Instant::now();
-        routes.update(running.status().iter().map(|status| info::of(status, &node)).collect());
+        routes.update(info::of_all(&running.status(), &node));
         screen.show(&format!(
             "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
