@@ -289,3 +289,44 @@ fn a_service_made_a_moment_ago_crosses() -> Result {
         Ok(())
     })
 }
+
+/// Two routes took turns: each ended the other, and messages of both were lost.
+#[test]
+fn topics_of_two_versions_of_a_type_are_carried_side_by_side() -> Result {
+    run("topics_of_two_versions_of_a_type_are_carried_side_by_side", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let versions = [
+            ("older", "int32 code\n", json!({"code": 1})),
+            ("newer", "int32 code\nstring text\n", json!({"code": 2, "text": "two"})),
+        ];
+        let mut routes = "routes:\n".to_owned();
+        let mut nodes = Vec::new();
+        for (name, definition, value) in &versions {
+            let (folder, topic) = (env.path(name), env.topic(name));
+            std::fs::create_dir_all(folder.join("acme_msgs/msg"))?;
+            std::fs::write(folder.join("acme_msgs/msg/Status.msg"), definition)?;
+            let args = format!(
+                "publish --topic {topic} --type acme_msgs/Status --node {name} --definitions {}",
+                folder.display()
+            );
+            let node = env.rospy(&args, Some(&value.to_string()))?;
+            node.event("ready")?;
+            nodes.push(node);
+            routes += &format!("  - {{ from: 'ros:{topic}', to: 'ros2:{topic}' }}\n");
+        }
+        env.write("bridge.yaml", routes)?;
+        let bridge = env.wrapyfi(["bridge", "--config", "bridge.yaml"])?.pillar();
+        let echo = |name: &str| {
+            let topic = ros2(&env.topic(name));
+            env.wrapyfi(["echo", &topic, "--count", "30", "--json", "--timeout", "100"])
+        };
+        let echoes = [echo("older")?, echo("newer")?];
+        for (echo, (_, _, value)) in echoes.into_iter().zip(&versions) {
+            let heard = echo.objects(30).map_err(|error| error.context(bridge.tail()))?;
+            assert!(heard.iter().all(|one| one["value"] == *value), "{heard:?}");
+        }
+        let said = bridge.stderr();
+        assert!(!said.contains("another definition"), "{said}");
+        Ok(())
+    })
+}

@@ -46,9 +46,7 @@ pub(super) fn towards(
     }
     // The caller that resolved it may have looked where this node does not.
     types.add_ros2(resolved);
-    let (definition, _) = types.towards_ros1(resolved.name(), None)?;
-    let plan = PairPlan::compile(&definition.resolved, resolved, types.rules())?;
-    Ok((definition, plan))
+    types.counterpart(resolved)
 }
 
 /// As [`towards`], with the plans of requests and responses of a service.

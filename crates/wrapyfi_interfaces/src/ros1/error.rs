@@ -6,7 +6,7 @@ use super::names::ros1_name;
 use crate::cdr::{CdrError, path_in_element, path_in_field};
 use crate::did_you_mean;
 use crate::dynamic::PlanError;
-use crate::parser::{ParseFault, TypeName};
+use crate::parser::{InterfaceKind, ParseFault, TypeName};
 use crate::store::{Looked, Md5Error, ResolveError};
 
 /// Field that is meant instead of `path`, else some of those that there are, in words.
@@ -20,6 +20,17 @@ fn hint(path: &str, fields: &[String]) -> String {
             fields.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ")
         ),
         near => near.to_owned(),
+    }
+}
+
+/// Reason why no node tells the definition of a type, and what makes it known.
+fn untold(name: &TypeName) -> (&'static str, &'static str) {
+    match name.kind() {
+        InterfaceKind::Service => (
+            "nodes of ROS 1 do not show those of services",
+            "have ROS_PACKAGE_PATH lead to its package",
+        ),
+        _ => ("no ROS 1 node has shown it yet", "start a node that publishes it"),
     }
 }
 
@@ -58,9 +69,8 @@ pub enum DefinitionError {
     Md5(#[from] Md5Error),
     /// No ROS 1 peer has shown the type, and nothing else has it, in ROS 2 neither.
     #[error(
-        "the ROS 1 definition of {} is not known: no ROS 1 node has shown it yet; {looked}; start a \
-         node that publishes it, or give a folder with {}/{kind}/{}.{kind}",
-        ros1_name(name), name.package(), name.file_stem(), kind = name.kind().as_str()
+        "the ROS 1 definition of {} is not known: {}; {looked}; {}, or give a folder with {}/{kind}/{}.{kind}",
+        ros1_name(name), untold(name).0, untold(name).1, name.package(), name.file_stem(), kind = name.kind().as_str()
     )]
     Unknown {
         /// The type.

@@ -13,14 +13,16 @@ use std::ffi::OsStr;
 use super::definition::{Definition, ServiceDefinition, parse_name};
 use super::error::{DefinitionError, PairError};
 use super::names::is_service_part;
-use super::plan::PairPlan;
+use super::plan::{Note, PairPlan};
 use super::rules::Rules;
 use super::{derive, standard};
 use crate::parser::{Dialect, InterfaceKind, TypeName};
 use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 
-/// Most definitions that are remembered from peers.
+/// Most types whose definitions are remembered from peers.
 const MAX_ANNOUNCED: usize = 4096;
+/// Most definitions of one type that are remembered from peers.
+const MAX_VERSIONS: usize = 8;
 
 /// Digits of a checksum.
 const MD5_DIGITS: usize = 32;
@@ -39,7 +41,8 @@ const MD5_DIGITS: usize = 32;
 #[derive(Debug)]
 pub struct Types {
     rules: Rules,
-    announced: BTreeMap<TypeName, Definition>,
+    /// Definitions that publishers have shown, the last one last.
+    announced: BTreeMap<TypeName, Vec<Definition>>,
     ros1: TypeStore,
     ros2: TypeStore,
 }
@@ -110,12 +113,7 @@ impl Types {
         let fits = |definition: &Definition| md5sum == "*" || definition.md5sum == md5sum;
         let error = match Definition::from_header(type_name, text) {
             Ok(definition) if fits(&definition) => {
-                if self.announced.get(&name) != Some(&definition)
-                    && (self.announced.len() < MAX_ANNOUNCED || self.announced.contains_key(&name))
-                {
-                    let before = self.announced.insert(name, definition.clone());
-                    self.forget_made(before.iter().chain([&definition]));
-                }
+                self.remember(name, &definition);
                 return Ok(definition);
             }
             Ok(definition) => DefinitionError::Checksum {
@@ -130,6 +128,22 @@ impl Types {
             .map(|store| Definition::from_store(store, &name).ok());
         let exact = stored.into_iter().flatten().find(|definition| definition.md5sum == md5sum);
         exact.ok_or(error)
+    }
+
+    /// Remembers what a publisher shows. Nodes that were built from different versions may show several.
+    fn remember(&mut self, name: TypeName, definition: &Definition) {
+        let before = self.announced.get(&name).and_then(|all| all.last()).cloned();
+        let is_full = self.announced.len() >= MAX_ANNOUNCED && before.is_none();
+        if before.as_ref() == Some(definition) || is_full {
+            return;
+        }
+        let all = self.announced.entry(name).or_default();
+        all.retain(|known| known != definition);
+        if all.len() >= MAX_VERSIONS {
+            all.remove(0);
+        }
+        all.push(definition.clone());
+        self.forget_made(before.iter().chain([definition]));
     }
 
     /// Forgets the types of ROS 2 that may have been made of these definitions: what their publisher shows has changed.
@@ -150,12 +164,21 @@ impl Types {
     }
 
     pub(super) fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
+        self.definition_or(name, Self::made_for_ros1)
+    }
+
+    /// The ROS 1 definition of a message; one that nobody has is what `make` gives.
+    fn definition_or(
+        &mut self,
+        name: &TypeName,
+        make: impl FnOnce(&mut Self, &TypeName) -> Result<ResolvedType, DefinitionError>,
+    ) -> Result<Definition, DefinitionError> {
         if let Some(shown) = self.shown(name) {
             return Ok(shown);
         }
         match self.found_for_ros1(name, Definition::from_store) {
             Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {
-                Definition::new(self.made_for_ros1(name)?, &BTreeMap::new())
+                Definition::new(make(self, name)?, &BTreeMap::new())
             }
             found => found,
         }
@@ -163,11 +186,12 @@ impl Types {
 
     /// Definition that a publisher has shown, of its own type or of one inside.
     fn shown(&self, name: &TypeName) -> Option<Definition> {
-        if let Some(announced) = self.announced.get(name) {
+        if let Some(announced) = self.announced.get(name).and_then(|all| all.last()) {
             return Some(announced.clone());
         }
         let has_it = |one: &&Definition| one.resolved.definitions().contains_key(name);
-        let inside = self.announced.values().find(has_it)?.resolved.definitions();
+        let mut last_of_each = self.announced.values().filter_map(|all| all.last());
+        let inside = last_of_each.find(has_it)?.resolved.definitions();
         let part = ResolvedType::among(Dialect::Ros1, name, inside, &Looked::default()).ok()?;
         Definition::new(part, &BTreeMap::new()).ok()
     }
@@ -239,8 +263,9 @@ impl Types {
     ) -> Result<ResolvedType, ResolveError> {
         let Self { rules, announced, ros1, .. } = self;
         let find = |wanted: &TypeName| {
-            let mut shown = announced.values().map(|one| one.resolved.definitions());
-            let own = announced.get(wanted).and_then(|one| one.resolved.definition());
+            let last_of_each = announced.values().filter_map(|all| all.last());
+            let mut shown = last_of_each.map(|one| one.resolved.definitions());
+            let own = announced.get(wanted).and_then(|all| all.last()?.resolved.definition());
             let shown = own.or_else(|| shown.find_map(|inside| inside.get(wanted)));
             shown.cloned().or_else(|| ros1.resolve(wanted).ok()?.definition().cloned())
         };
@@ -248,14 +273,22 @@ impl Types {
     }
 
     /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. An installed one
-    /// that cannot be used is passed over: the ROS 1 type is known.
+    /// that cannot be used is passed over: the ROS 1 type is known. What was made of another definition of the type
+    /// does not count, so that nodes that were built from different versions of it each have theirs.
     ///
     /// # Errors
     /// When none can be made from it.
     pub fn ros2_type(&mut self, ros1: &ResolvedType) -> Result<ResolvedType, ResolveError> {
         for name in self.rules.ros2_names(ros1.name()) {
-            if let Ok(Some(found)) = self.ros2_known(&name) {
-                return Ok(found);
+            match self.ros2.resolve_here(&name) {
+                Ok(found) => return Ok(found),
+                Err(error) if is_missing(&error, &name) => {}
+                // It is installed, and a type inside it is not.
+                Err(_) => {
+                    if let Ok(Some(found)) = self.ros2_known(&name) {
+                        return Ok(found);
+                    }
+                }
             }
         }
         self.made_for_ros2(ros1, &derive::name_in_ros2(ros1.name(), &self.rules))
@@ -326,7 +359,7 @@ impl Types {
         name: &TypeName,
     ) -> Result<ResolvedType, ResolveError> {
         let Self { rules, ros2, .. } = self;
-        let find = |wanted: &TypeName| ros2.resolve(wanted).ok()?.definition().cloned();
+        let find = |wanted: &TypeName| ros2.resolve_here(wanted).ok()?.definition().cloned();
         derive::to_ros2(ros1, name, rules, find)
     }
 
@@ -363,6 +396,31 @@ impl Types {
             None => self.likeliest(ros2, Self::definition_of)?,
         };
         let plan = self.plan_to(&definition, ros2)?;
+        Ok((definition, plan))
+    }
+
+    /// As [`Types::towards_ros1`], for a type of ROS 2 that is at hand: where publishers have shown several definitions of
+    /// its counterpart, the last one that loses no field counts.
+    ///
+    /// # Errors
+    /// As [`Types::towards_ros1`].
+    pub fn counterpart(
+        &mut self,
+        ros2: &ResolvedType,
+    ) -> Result<(Definition, PairPlan), PairError> {
+        let names = self.rules.ros1_names(ros2.name());
+        let shown = names.iter().find_map(|name| self.announced.get(name));
+        for definition in shown.into_iter().flatten().rev() {
+            if let Ok(plan) = PairPlan::compile(&definition.resolved, ros2, &self.rules)
+                && !plan.notes().iter().any(Note::is_loss)
+            {
+                return Ok((definition.clone(), plan));
+            }
+        }
+        let definition = self.likeliest(ros2.name(), |types, name| {
+            types.definition_or(name, |types, name| Ok(types.derived_for_ros1(ros2, name)?))
+        })?;
+        let plan = PairPlan::compile(&definition.resolved, ros2, &self.rules)?;
         Ok((definition, plan))
     }
 

@@ -64,6 +64,8 @@ pub struct TypeStore {
     files: Box<dyn FileAccess + Send + Sync>,
     places: Vec<Place>,
     known: BTreeMap<TypeName, MessageDefinition>,
+    /// Definitions that were found elsewhere.
+    added: BTreeMap<TypeName, MessageDefinition>,
     /// Store for each type that no place here has, also one inside another.
     rest: Option<Box<TypeStore>>,
     /// Makes what is found nowhere.
@@ -99,6 +101,7 @@ impl TypeStore {
             files: Box::new(files),
             places: Vec::new(),
             known: BTreeMap::new(),
+            added: BTreeMap::new(),
             rest: None,
             make: None,
         }
@@ -198,13 +201,16 @@ impl TypeStore {
     /// Adds a type that was found elsewhere, with all it refers to. Types known already stay.
     pub fn add_resolved(&mut self, resolved: &ResolvedType) {
         for (name, definition) in resolved.definitions() {
-            self.known.entry(name.clone()).or_insert_with(|| definition.clone());
+            if !self.known.contains_key(name) {
+                self.added.entry(name.clone()).or_insert_with(|| definition.clone());
+            }
         }
     }
 
     /// Forgets a type that was found elsewhere; one that a file defines is read again.
     pub(crate) fn forget(&mut self, name: &TypeName) {
         self.known.remove(name);
+        self.added.remove(name);
     }
 
     /// Finds a type by its name as text, for instance `sensor_msgs/msg/Image`.
@@ -237,6 +243,14 @@ impl TypeStore {
         found
     }
 
+    /// As [`TypeStore::resolve`], without what was found elsewhere: as files have it.
+    pub(crate) fn resolve_here(&mut self, name: &TypeName) -> Result<ResolvedType, ResolveError> {
+        let added = std::mem::take(&mut self.added);
+        let found = self.resolve(name);
+        self.added = added;
+        found
+    }
+
     /// As [`TypeStore::resolve_defined`], where the types inside that are defined nowhere are those that `part` knows.
     ///
     /// # Errors
@@ -265,7 +279,7 @@ impl TypeStore {
         user: Option<&TypeName>,
     ) -> Result<MessageDefinition, ResolveError> {
         let mut looked = Vec::new();
-        if !self.known.contains_key(name) {
+        if !self.known.contains_key(name) && !self.added.contains_key(name) {
             if let Some((text, path)) = self.read_here(name, &mut looked)? {
                 self.parse(name, &text, &path.display().to_string())?;
             } else {
@@ -278,7 +292,7 @@ impl TypeStore {
                 }
             }
         }
-        let found = self.known.get(name).cloned();
+        let found = self.known.get(name).or_else(|| self.added.get(name)).cloned();
         found.or_else(|| self.make.as_mut()?(name)).ok_or_else(|| ResolveError::NotFound {
             name: name.clone(),
             user: user.cloned(),

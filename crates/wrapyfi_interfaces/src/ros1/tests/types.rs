@@ -104,6 +104,9 @@ fn definitions_that_lack_or_repeat_are_refused() {
     );
     types.show("lab_msgs/Strange", "*", "uint8 x\n").unwrap();
     types.definition("lab_msgs/Strange").unwrap();
+    let service = types.service_definition("lab_msgs/Strange").unwrap_err().to_string();
+    assert!(service.contains("nodes of ROS 1 do not show those of services"), "{service}");
+    assert!(service.contains("have ROS_PACKAGE_PATH lead to its package, or give"), "{service}");
 }
 
 #[test]
@@ -559,4 +562,39 @@ fn the_type_that_is_made_follows_its_publisher() {
     let wider = format!("B b\nint32 more\n{part}int64 x\n");
     assert_eq!(made(&wider), ["demo/B b", "int32 more", "int64 x"]);
     assert_eq!(made("int8 x\n"), ["int8 x"]);
+}
+
+/// Two routes took turns: each ended the other with what its publisher showed.
+#[test]
+fn nodes_of_different_versions_each_have_theirs() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let part = "B b\n\n================\nMSG: demo/B\n";
+    let shown = [
+        ("demo/A", "int32 code\n".to_owned()),
+        ("demo/A", "int32 code\nstring text\n".to_owned()),
+        ("demo/C", format!("{part}int32 x\n")),
+        ("demo/D", format!("{part}int32 x\nint32 y\n")),
+    ]
+    .map(|(name, text)| types.show(name, "*", &text).unwrap());
+    for _again in 0..2 {
+        for definition in &shown {
+            let made = types.ros2_type(&definition.resolved).unwrap();
+            types.add_ros2(&made);
+            let (counterpart, plan) = types.counterpart(&made).unwrap();
+            assert_eq!(counterpart.md5sum, definition.md5sum, "{}", definition.text);
+            assert_eq!(notes(&plan), Vec::<String>::new(), "{}", definition.text);
+            types.show(&definition.ros1_name(), "*", &definition.text).unwrap();
+        }
+    }
+}
+
+/// A recording of ROS 2 may have both, and its player publishes both on ROS 1.
+#[test]
+fn of_two_versions_that_only_ros2_has_each_goes_to_ros1_whole() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    for text in ["int32 code\n", "int32 code\nstring text\n"] {
+        let ros2 = resolve(Dialect::Ros2, "lab_msgs/msg/Status", text);
+        types.add_ros2(&ros2);
+        assert_eq!(types.counterpart(&ros2).unwrap().0.text, text);
+    }
 }
