@@ -217,6 +217,18 @@ fn a_namespace_of_the_parameter_server_is_followed() -> Result {
                 .any(|it| it["value"]["deleted_parameters"][0]["name"] == "lens.label");
             (rate && gone).then_some(())
         })?;
+        // What a server of dynamic_reconfigure has left there is set at the server alone.
+        let server = env.reconfigure(&format!("serve --server {node}/planner"))?;
+        server.event("ready")?;
+        echo.wait_until("its values", |output| {
+            let new = |it: &Value| it["value"]["new_parameters"].as_array().cloned();
+            let mut all = output.objects().filter_map(|it| new(&it)).flatten();
+            all.any(|it| it["name"] == "planner.int_").then_some(())
+        })?;
+        let limit = [parameter("planner.int_", 2, "integer_value", &json!(4000))];
+        let refused = set(env, &node, &limit)?;
+        let words = format!("the dynamic_reconfigure server {node}/planner ");
+        assert!(!refused[0].0 && refused[0].1.contains(&words), "{refused:?}");
         Ok(())
     })
 }

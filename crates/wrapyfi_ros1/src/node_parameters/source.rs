@@ -194,6 +194,14 @@ impl NodeParameters {
             }
         }
         for Parameter { name, value } in plain {
+            if let Some((server, own)) = self.server_of(&node, name, within).await {
+                let why = format!(
+                    "{name} is what the dynamic_reconfigure server {server} leaves on the parameter server, and does not read \
+                     again: set {own} of the node of that name"
+                );
+                results.insert(name.clone(), Err(why));
+                continue;
+            }
             let (key, value_there) =
                 (parameters::under(&self.name, name), parameters::to_xml(value));
             let (method, params) = match value_there {
@@ -212,6 +220,32 @@ impl NodeParameters {
             results.insert(name.clone(), done);
         }
         results
+    }
+
+    /// The server of dynamic_reconfigure below this node that describes a parameter, and the parameter's name there.
+    async fn server_of<'p>(
+        &self,
+        node: &Arc<Node>,
+        name: &'p str,
+        within: Duration,
+    ) -> Option<(String, &'p str)> {
+        let (namespace, own) = name.rsplit_once('.')?;
+        let server = parameters::under(&self.name, namespace);
+        // A master that does not answer is told of by what is asked of it next.
+        if !has_server(&node.master, &server).await.unwrap_or(false) {
+            return None;
+        }
+        let parameters = Self::new(node, &server);
+        let wake = Wake::new();
+        let _bell = parameters.ring(&wake);
+        let described = async {
+            while parameters.waiting_for().is_some() {
+                _ = timeout(REST, rung(&wake)).await;
+            }
+        };
+        _ = timeout(within.min(LOOK), described).await;
+        let is_described = parameters.state().described_names().contains(own);
+        is_described.then_some((server, own))
     }
 
     /// Calls the server; its values then.
