@@ -88,7 +88,18 @@ fn a_survey_tells_what_a_move_has_to_heed_and_a_bridge_takes_its_routes() -> Res
         assert_eq!(heard(&part.replace("/1st/", "/_1st/"))?["value"]["number"], 7);
         heard(&scan)?;
         let call = ["call", &ros2(&lamp), "--value", r#"{"data": true}"#, "--timeout", "100"];
-        env.wrapyfi(call)?.exits_with(0)
+        env.wrapyfi(call)?.exits_with(0)?;
+        // A bridge that runs is none of the robot's nodes.
+        let again = ["survey", "--output", "again.md", "--seconds", "0"];
+        env.wrapyfi(again)?.exits_with(0)?;
+        let again = std::fs::read_to_string(env.path("again.md"))?;
+        assert!(again.contains(&scan) && !again.contains("/wrapyfi_"), "{again}");
+        let routes = |name: &str| -> Result<String> {
+            let text = std::fs::read_to_string(env.path(name))?;
+            Ok(text.split_once("routes:").map(|(_, routes)| routes.to_owned()).unwrap_or_default())
+        };
+        assert_eq!(routes("again.yaml")?, routes("survey.yaml")?);
+        Ok(())
     })
 }
 
@@ -99,6 +110,11 @@ fn a_survey_without_a_master_says_so() -> Result {
         survey.exits_with(3)?;
         assert!(survey.stderr().contains("no answer from"), "{}", survey.tail());
         assert!(!env.path("survey.md").exists());
-        env.wrapyfi(["survey", "ros2:"])?.exits_with(2)
+        for wrong in
+            [["survey", "ros2:"], ["survey", "--output=x.yaml"], ["survey", "--output=no/x.md"]]
+        {
+            env.wrapyfi(wrong)?.exits_with(2)?;
+        }
+        Ok(())
     })
 }

@@ -38,11 +38,16 @@ pub struct ExportArgs {
 /// Arguments of `wrapyfi survey`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 done, 2 bad usage, or a file that is there already, 3 the master does not answer."
+    after_help = "Exit codes: 0 done, 1 a bag could not be read whole, 2 bad usage, or a file that is there already, 3 the \
+                  master does not answer."
 )]
 pub struct SurveyArgs {
     /// Graph to look at: ros: for ROS 1.
+    #[arg(default_value = "ros:")]
     pub graph: RosGraph,
+    /// Bag of ROS 1 to look at instead of nodes: its topics alone, with the rates and sizes that it has.
+    #[arg(long, value_name = "FILE")]
+    pub bag: Option<PathBuf>,
     /// File of the report, Markdown; the configuration stands beside it, with the ending .yaml.
     #[arg(long, value_name = "FILE", default_value = "survey.md")]
     pub output: PathBuf,

@@ -32,7 +32,7 @@ pub(super) struct Gathered(BTreeMap<TypeName, Vec<Candidate>>);
 /// A type of which nodes show different definitions.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{name} has {count} definitions: {}; build the nodes from one, or choose with --from {example}",
+    "{name} has {count} definitions: {}; build the nodes from one, or choose with `wrapyfi export --from {example}`",
     each.join(" and ")
 )]
 pub(super) struct Conflict {
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(
             said,
             "demo/msg/Pose has 2 definitions: /arm (/a), /hand (/b) has `float64 x` and /head (/c) has \
-             `float32 x`; build the nodes from one, or choose with --from /arm"
+             `float32 x`; build the nodes from one, or choose with `wrapyfi export --from /arm`"
         );
         for (node, field) in [("/hand", "float64"), ("/head", "float32")] {
             let chosen = gathered.of_package("demo", &[node.to_owned()]).unwrap();

@@ -46,6 +46,13 @@ pub fn run(args: &ExportArgs, shutdown: &Shutdown) -> Result<()> {
     let origins = look.ros1.as_deref().map_or_else(Origins::new, |ros1| origins(ros1, &learned));
     let gathered = gather(&learned, args.graph);
     let packages = wanted(args, &gathered, &origins)?;
+    let nodes: BTreeSet<&str> = learned.iter().map(Learned::node).collect();
+    if let Some(unknown) = args.from.iter().find(|node| !nodes.contains(node.as_str())) {
+        let nodes = nodes.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(Failure::Usage(format!(
+            "--from {unknown}: there is no such node; there are {nodes}"
+        )));
+    }
     let mut chosen = Vec::new();
     let mut conflicts = Vec::new();
     for package in &packages {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use wrapyfi_endpoint::pattern::ros_name;
 use wrapyfi_endpoint::{EndpointAddress, Interaction};
+use wrapyfi_interfaces::ros1::{PairPlan, Types};
 
 use crate::middlewares::check_topic;
 use crate::node::GRAPH;
@@ -13,6 +14,8 @@ const RECONFIGURE_PACKAGE: &str = "dynamic_reconfigure/";
 pub(super) const RECONFIGURE: &str = "dynamic_reconfigure/Reconfigure";
 /// Services by which the log of a node of ROS 1 is set, and the topic that gathers what is in `/rosout`.
 const OF_LOG: [&str; 3] = ["/get_loggers", "/set_logger_level", "/rosout_agg"];
+/// Topic of the log, which each node has, and whose fields have other names on ROS 2.
+pub(super) const LOG: &str = "/rosout";
 /// Size in bytes from which a message is large for DDS, which sends it in many pieces.
 const LARGE: u64 = 64 << 10;
 /// Rate in hertz below which a sensor is no stream.
@@ -21,9 +24,11 @@ const STREAM_HZ: f64 = 1.0;
 /// A graph as it was seen.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
-    /// Address of the master.
-    pub(super) master: String,
-    /// Time that was measured, in seconds; 0 where it was not.
+    /// Address of the master, or the name of the bag.
+    pub(super) of: String,
+    /// True where it is a bag.
+    pub(super) is_bag: bool,
+    /// Time that was measured, or that the bag has, in seconds; 0 where nothing was measured.
     pub(super) seconds: f64,
     /// True where a ROS 2 is sourced, or folders of definitions are given.
     pub(super) knows_ros2: bool,
@@ -81,6 +86,18 @@ impl Entry {
         check_topic(&address).err().map(|fault| fault.to_string())
     }
 
+    /// Looks for fields that a message of a topic loses between the definitions of ROS 1 and ROS 2.
+    pub(super) fn find_differences(&mut self, types: &mut Types) {
+        let Some(name) = self.ros1_type.as_ref().filter(|_| self.is_defined) else { return };
+        if self.interaction != Interaction::Topic {
+            return;
+        }
+        let definition = types.definition(name).ok();
+        let plan = definition.and_then(|definition| types.plan(&definition).ok());
+        let notes = plan.iter().flat_map(PairPlan::notes).filter(|note| note.is_loss());
+        self.differences = notes.map(ToString::to_string).collect();
+    }
+
     /// True for the service by which a dynamic_reconfigure server is set.
     pub(super) fn is_reconfigure(&self) -> bool {
         self.ros1_type.as_deref() == Some(RECONFIGURE)
@@ -121,6 +138,11 @@ impl Facts {
         self.entries.iter().filter(move |entry| entry.interaction == interaction)
     }
 
+    /// Those without what nodes of ROS 1 have beside their own.
+    pub(super) fn own(&self, interaction: Interaction) -> impl Iterator<Item = &Entry> {
+        self.of(interaction).filter(|entry| !entry.is_of_ros1())
+    }
+
     /// Entries whose name on ROS 2 an entry before them has.
     pub(super) fn taken_names(&self) -> BTreeMap<(Interaction, &str), &str> {
         let mut first = BTreeMap::<(Interaction, String), &str>::new();
@@ -152,7 +174,8 @@ impl Facts {
         missing
     }
 
-    /// Each node with the numbers of topics that it publishes and hears, services and actions that it offers.
+    /// Each node with the numbers of topics that it publishes and hears, services and actions that it offers. What nodes
+    /// have beside their own is not counted.
     pub(super) fn nodes(&self) -> BTreeMap<&str, [usize; 4]> {
         let mut nodes = BTreeMap::<&str, [usize; 4]>::new();
         for entry in &self.entries {
@@ -164,7 +187,8 @@ impl Facts {
             for (who, place) in [(&entry.providers, provides), (&entry.takers, takes)] {
                 for node in who {
                     let counts = nodes.entry(node).or_default();
-                    if let Some(number) = place.and_then(|place| counts.get_mut(place)) {
+                    let own = place.filter(|_| !entry.is_of_ros1() && entry.name != LOG);
+                    if let Some(number) = own.and_then(|place| counts.get_mut(place)) {
                         *number += 1;
                     }
                 }
@@ -217,6 +241,17 @@ pub(super) mod tests {
         let taken = facts.taken_names();
         assert_eq!(taken[&(Interaction::Topic, "/cam-1/x")], "/cam_1/x");
         assert_eq!((taken.len(), facts.entries[2].ros2_name().as_str()), (1, "/_1st"));
-        assert_eq!(facts.nodes()["/base"], [3, 0, 0, 0]);
+    }
+
+    #[test]
+    fn what_every_node_has_is_none_of_its_connections() {
+        let entries = vec![
+            entry(Interaction::Topic, "/scan", "sensor_msgs/msg/LaserScan"),
+            entry(Interaction::Topic, "/rosout", "rcl_interfaces/msg/Log"),
+            entry(Interaction::Service, "/base/get_loggers", "roscpp/srv/GetLoggers"),
+        ];
+        let facts = Facts { entries, ..Facts::default() };
+        assert_eq!(facts.nodes()["/base"], [1, 0, 0, 0]);
+        assert_eq!(facts.own(Interaction::Service).count(), 0);
     }
 }

@@ -1,10 +1,12 @@
-//! `wrapyfi survey`: what a graph of ROS 1 has, and what of it a move to ROS 2 has to heed.
+//! `wrapyfi survey`: what a graph of ROS 1 has, or a bag, and what of it a move to ROS 2 has to heed.
 //!
 //! ```text
 //!   Look ─ learn ─┬─▶ facts ─┬─▶ report   Markdown
-//!   measured ─────┘          └─▶ routes   a configuration for `wrapyfi bridge`
+//!   measured ─────┤          └─▶ routes   a configuration for `wrapyfi bridge`
+//!   bag ──────────┘
 //! ```
 
+mod bag;
 mod facts;
 mod measured;
 mod report;
@@ -18,10 +20,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_endpoint::{Discovered, Interaction, Role};
-use wrapyfi_interfaces::ros1::PairPlan;
+use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
-use wrapyfi_ros1::{Registered, Ros1};
+use wrapyfi_ros1::{Registered, Ros1, is_anonymous};
 
+use self::bag::InBag;
 use self::facts::{Entry, Facts, RECONFIGURE};
 use crate::command::definitions;
 use crate::exit::{Failure, Result};
@@ -39,13 +42,46 @@ const LOOK_AGAIN: Duration = Duration::from_millis(50);
 /// Looks, measures, and writes both files.
 ///
 /// # Errors
-/// Exit code 2 where a file is there already, 3 where the master does not answer.
+/// Exit code 2 where a file is there already, 3 where the master does not answer, 1 where a bag is broken in places.
 pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     if args.graph != RosGraph::ROS1 {
         return Err(Failure::usage("a survey is of ROS 1: wrapyfi survey ros:"));
     }
     let routes_file = args.output.with_extension("yaml");
-    for file in [&args.output, &routes_file] {
+    check_output(&args.output, &routes_file)?;
+    let mut known = Known::of(args)?;
+    let (facts, damage) = match &args.bag {
+        Some(bag) => of_bag(bag, &mut known, args, shutdown)?,
+        None => (of_graph(&mut known, args, shutdown)?, Vec::new()),
+    };
+    let name = |file: &Path| {
+        let name = file.file_name().unwrap_or(file.as_os_str());
+        name.to_string_lossy().into_owned()
+    };
+    write(&args.output, &report::report(&facts, &name(&routes_file)))?;
+    write(&routes_file, &routes::routes(&facts, &name(&args.output)))?;
+    damage.iter().try_for_each(|line| output::line(line))?;
+    output::line(&format!(
+        "{}: {} nodes, {} topics, {} services, {} actions; routes to start from: {}",
+        args.output.display(),
+        facts.nodes().len(),
+        facts.own(Interaction::Topic).count(),
+        facts.own(Interaction::Service).count(),
+        facts.own(Interaction::Action).count(),
+        routes_file.display()
+    ))?;
+    if damage.is_empty() { Ok(()) } else { Err(Failure::Found) }
+}
+
+/// Refuses files that cannot be written, before anything is measured.
+fn check_output(report: &Path, routes: &Path) -> Result<()> {
+    if report == routes {
+        return Err(Failure::usage(format!(
+            "{} is the name of the configuration: give the report another ending, such as .md",
+            report.display()
+        )));
+    }
+    for file in [report, routes] {
         if file.exists() {
             return Err(Failure::usage(format!(
                 "{} is there already: remove it, or choose another name with --output",
@@ -53,15 +89,74 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
             )));
         }
     }
-    let mut types = definitions::of_command(&args.definitions)?;
+    match report.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(Failure::usage(format!("{}: there is no such folder", folder.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Types that ROS 2 has here.
+struct Known {
+    types: TypeStore,
+    /// True where a ROS 2 is sourced, or folders of definitions are given.
+    knows_ros2: bool,
+}
+
+impl Known {
+    fn of(args: &SurveyArgs) -> Result<Self> {
+        let is_sourced = std::env::var_os("AMENT_PREFIX_PATH").is_some_and(|it| !it.is_empty());
+        let knows_ros2 = is_sourced || !args.definitions.is_empty();
+        Ok(Self { types: definitions::of_command(&args.definitions)?, knows_ros2 })
+    }
+
+    fn has(&mut self, name: &TypeName) -> bool {
+        let is_here = self.types.resolve_defined(name).is_ok();
+        is_here || !self.knows_ros2 && is_common(&name.to_string())
+    }
+}
+
+/// Facts of a bag, and the places of it that could not be read.
+fn of_bag(
+    file: &Path,
+    known: &mut Known,
+    args: &SurveyArgs,
+    shutdown: &Shutdown,
+) -> Result<(Facts, Vec<String>)> {
+    let mut types = crate::command::bag::types(&args.definitions)?;
+    let InBag { learned, mut traffic, latched, seconds, damage } =
+        bag::read(file, &mut types, shutdown)?;
+    let latches = |one: &Discovered| latched.contains(&one.name);
+    let mut entries = entries(&learned, known, &latches, &|_| None);
+    for entry in &mut entries {
+        entry.traffic = traffic.remove(&entry.name);
+        entry.find_differences(&mut types);
+    }
+    let facts = Facts {
+        of: file.display().to_string(),
+        is_bag: true,
+        seconds,
+        knows_ros2: known.knows_ros2,
+        simulates_time: entries.iter().any(|entry| entry.name == "/clock"),
+        entries,
+        conflicts: conflicts(&learned, args.graph),
+        ..Facts::default()
+    };
+    Ok((facts, damage))
+}
+
+/// Facts of a graph, without what bridges have in it.
+fn of_graph(known: &mut Known, args: &SurveyArgs, shutdown: &Shutdown) -> Result<Facts> {
     let look = Look::at(args.graph, args.own, shutdown)?;
     let Some(ros1) = look.ros1.clone() else {
         return Err(anyhow!("{} did not start as ROS 1", args.graph).into());
     };
-    let learned = look.learn(&mut types, shutdown);
-    let is_sourced = std::env::var_os("AMENT_PREFIX_PATH").is_some_and(|it| !it.is_empty());
-    let knows_ros2 = is_sourced || !args.definitions.is_empty();
-    let mut entries = entries(&look, &ros1, &learned, (&mut types, knows_ros2));
+    let mut learned = look.learn(&mut known.types, shutdown);
+    learned.retain(|one| one.endpoint.mark.is_none() && !is_anonymous(one.node()));
+    let latches = |one: &Discovered| look.middleware.keeps_last(one) == Some(true);
+    let mut entries = entries(&learned, known, &latches, &|one| ros1.told_type(one));
+    entries.iter_mut().for_each(|entry| ros1.with_types(|types| entry.find_differences(types)));
     let resolved: BTreeMap<&str, &ResolvedType> = learned
         .iter()
         .filter(|one| one.endpoint.role == Role::Publisher)
@@ -82,31 +177,17 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     let topics = entries.iter_mut().filter(|entry| entry.interaction == Interaction::Topic);
     topics.zip(measured).for_each(|(entry, traffic)| entry.traffic = traffic);
     let parameters = ros1.parameter_names().map_err(|error| anyhow!("{error}"))?;
-    let facts = Facts {
-        master: ros1.master_uri().trim_end_matches('/').to_owned(),
+    Ok(Facts {
+        of: ros1.master_uri().trim_end_matches('/').to_owned(),
+        is_bag: false,
         seconds: args.seconds.as_secs_f64(),
-        knows_ros2,
+        knows_ros2: known.knows_ros2,
         entries,
         parameters,
         has_parameters: learned.iter().any(|one| is_of_parameters(&one.endpoint)),
         simulates_time: ros1.simulates_time(),
         conflicts: conflicts(&learned, args.graph),
-    };
-    let name = |file: &Path| {
-        let name = file.file_name().unwrap_or(file.as_os_str());
-        name.to_string_lossy().into_owned()
-    };
-    write(&args.output, &report::report(&facts, &name(&routes_file)))?;
-    write(&routes_file, &routes::routes(&facts, &name(&args.output)))?;
-    output::line(&format!(
-        "{}: {} nodes, {} topics, {} services, {} actions; routes to start from: {}",
-        args.output.display(),
-        facts.nodes().len(),
-        facts.of(Interaction::Topic).count(),
-        facts.of(Interaction::Service).count(),
-        facts.of(Interaction::Action).count(),
-        routes_file.display()
-    ))
+    })
 }
 
 /// Waits until the master has forgotten the subscription to the last topic by name, which is the last that ends: a node that
@@ -127,12 +208,13 @@ fn write(file: &Path, text: &str) -> Result<()> {
     written.map_err(|error| anyhow!("{} cannot be written: {error}", file.display()).into())
 }
 
-/// Topics, services and actions with all endpoints of each.
+/// Topics, services and actions with all endpoints of each. `latches` tells whether a publisher keeps its last message,
+/// `type_of_server` the type of a service.
 fn entries(
-    look: &Look,
-    ros1: &Ros1,
     learned: &[Learned],
-    (types, knows_ros2): (&mut TypeStore, bool),
+    known: &mut Known,
+    latches: &dyn Fn(&Discovered) -> bool,
+    type_of_server: &dyn Fn(&Discovered) -> Option<String>,
 ) -> Vec<Entry> {
     let mut entries = BTreeMap::<(Interaction, &str), Entry>::new();
     let reconfigured: BTreeSet<String> = learned.iter().filter_map(reconfigure).collect();
@@ -166,7 +248,7 @@ fn entries(
         nodes.insert(one.node().to_owned());
         let type_name = match endpoint.role {
             Role::Server if is_reconfigure => Some(RECONFIGURE.to_owned()),
-            Role::Server => ros1.told_type(endpoint),
+            Role::Server => type_of_server(endpoint),
             _ => endpoint.type_name.clone(),
         };
         if entry.ros1_type.is_none() {
@@ -176,21 +258,13 @@ fn entries(
             entry.ros2_type = ros2_type;
         }
         if let Ok(resolved) = told {
-            let name = resolved.name();
-            entry.is_defined |=
-                types.resolve_defined(name).is_ok() || !knows_ros2 && is_common(&name.to_string());
+            entry.is_defined |= known.has(resolved.name());
         }
         if endpoint.role == Role::Publisher {
-            entry.is_latched |= look.middleware.keeps_last(endpoint) == Some(true);
+            entry.is_latched |= latches(endpoint);
         }
     }
-    let mut entries: Vec<Entry> = entries.into_values().collect();
-    for entry in &mut entries {
-        if let (true, Some(name)) = (entry.is_defined, &entry.ros1_type) {
-            entry.differences = differences(ros1, entry.interaction, name);
-        }
-    }
-    entries
+    entries.into_values().collect()
 }
 
 /// True for what a bridge shows of the parameters of nodes, with types that ROS 1 lacks.
@@ -206,17 +280,4 @@ fn reconfigure(one: &Learned) -> Option<String> {
     let server = name.strip_suffix("/parameter_descriptions")?;
     let is_description = type_name.as_deref() == Some("dynamic_reconfigure/ConfigDescription");
     (*role == Role::Publisher && is_description).then(|| format!("{server}/set_parameters"))
-}
-
-/// Fields that a message loses between the definitions of ROS 1 and ROS 2, a sentence each.
-fn differences(ros1: &Ros1, interaction: Interaction, name: &str) -> Vec<String> {
-    if interaction != Interaction::Topic {
-        return Vec::new();
-    }
-    let plan = ros1.with_types(|types| {
-        let definition = types.definition(name).ok()?;
-        types.plan(&definition).ok()
-    });
-    let notes = plan.iter().flat_map(PairPlan::notes).filter(|note| note.is_loss());
-    notes.map(ToString::to_string).collect()
 }

@@ -5,12 +5,9 @@ use std::fmt::Write as _;
 
 use wrapyfi_endpoint::Interaction;
 
-use super::facts::{Entry, Facts};
+use super::facts::{Entry, Facts, LOG};
 use crate::learned::is_common;
 use crate::visible::escaped;
-
-/// Topic of the log, whose fields have other names on ROS 2.
-const LOG: &str = "/rosout";
 
 /// The report. `routes` is the name of the configuration that was written with it.
 pub(super) fn report(facts: &Facts, routes: &str) -> String {
@@ -18,10 +15,12 @@ pub(super) fn report(facts: &Facts, routes: &str) -> String {
     head(&mut text, facts, routes);
     heed(&mut text, facts);
     topics(&mut text, facts);
-    offered(&mut text, facts, Interaction::Service, "Services", "Server");
-    offered(&mut text, facts, Interaction::Action, "Actions", "Server");
-    reconfigured(&mut text, facts);
-    parameters(&mut text, facts);
+    if !facts.is_bag {
+        offered(&mut text, facts, Interaction::Service, "Services", "Server");
+        offered(&mut text, facts, Interaction::Action, "Actions", "Server");
+        reconfigured(&mut text, facts);
+        parameters(&mut text, facts);
+    }
     nodes(&mut text, facts);
     text
 }
@@ -46,11 +45,12 @@ fn section(text: &mut String, title: &str) {
 }
 
 fn head(text: &mut String, facts: &Facts, routes: &str) {
-    let (count, routes) = (|interaction| facts.of(interaction).count(), escaped(routes));
+    let (count, routes) = (|interaction| facts.own(interaction).count(), escaped(routes));
     let [topics, services, actions] = Interaction::ALL.map(count);
-    let measured = match facts.seconds > 0.0 {
-        true => format!("Rates and sizes were measured over {:.0} s", facts.seconds),
-        false => "Rates and sizes were not measured".to_owned(),
+    let measured = match (facts.is_bag, facts.seconds > 0.0) {
+        (true, _) => format!("Rates and sizes are those of the bag, of {:.1} s", facts.seconds),
+        (_, true) => format!("Rates and sizes were measured over {:.0} s", facts.seconds),
+        _ => "Rates and sizes were not measured".to_owned(),
     };
     let types = match facts.knows_ros2 {
         true => {
@@ -65,7 +65,7 @@ fn head(text: &mut String, facts: &Facts, routes: &str) {
         "# Survey of {}\n\n\
          {topics} topics, {services} services, {actions} actions and {} parameters of {} nodes. {measured}; {types}. \
          The routes of `{routes}` carry what is here: `wrapyfi check {routes}`, `wrapyfi bridge --config {routes}`.\n",
-        escaped(&facts.master),
+        escaped(&facts.of),
         facts.parameters.len(),
         facts.nodes().len(),
     );
@@ -145,7 +145,7 @@ fn size(bytes: f64) -> String {
 
 fn topics(text: &mut String, facts: &Facts) {
     section(text, "Topics");
-    let rows = facts.of(Interaction::Topic).map(|entry| {
+    let rows = facts.own(Interaction::Topic).map(|entry| {
         let [rate, each, each_second] = match entry.traffic {
             None => ["–", "–", "–"].map(str::to_owned),
             Some(it) => [
@@ -175,7 +175,7 @@ fn topics(text: &mut String, facts: &Facts) {
 
 fn offered(text: &mut String, facts: &Facts, interaction: Interaction, title: &str, role: &str) {
     section(text, title);
-    let mut all = facts.of(interaction).filter(|entry| !entry.is_of_ros1()).peekable();
+    let mut all = facts.own(interaction).peekable();
     if all.peek().is_none() {
         text.push_str("None.\n\n");
         return;
@@ -252,7 +252,7 @@ mod tests {
             "dynamic_reconfigure/srv/Reconfigure",
         );
         let facts = Facts {
-            master: "http://base:11311".to_owned(),
+            of: "http://base:11311".to_owned(),
             seconds: 3.0,
             entries: vec![scan, odd, unknown, set],
             parameters: ["/arm/gain", "/arm/rate", "/name"].map(str::to_owned).into(),
@@ -261,7 +261,7 @@ mod tests {
         };
         let text = report(&facts, "survey.yaml");
         for line in [
-            "2 topics, 2 services, 0 actions and 3 parameters of 1 nodes.",
+            "2 topics, 1 services, 0 actions and 3 parameters of 1 nodes.",
             "- demo/msg/Odd has 2 definitions\n",
             "- topic `/cam/1st` is no name of ROS 2: it is `/cam/_1st` there\n",
             "- service `/go`: its type is not known: nobody shows it\n",

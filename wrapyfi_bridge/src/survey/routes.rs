@@ -14,12 +14,15 @@ const LARGE: u64 = 1 << 20;
 pub(super) fn routes(facts: &Facts, report: &str) -> String {
     let mut text = format!(
         "# Routes of what {} had, to start from: {}. Check them with `wrapyfi check`.\n\
-         # Types are learned from the nodes. A line that begins with # is off.\n\
-         endpoints:\n  ros: {{ master_uri: {} }}\n\nroutes:\n",
-        escaped(&facts.master),
+         # Types are learned from the nodes. A line that begins with # is off. lazy: messages are fetched while somebody listens.\n",
+        escaped(&facts.of),
         escaped(report),
-        quoted(&facts.master),
     );
+    if !facts.is_bag {
+        let master = quoted(&facts.of);
+        let _infallible = writeln!(text, "endpoints:\n  ros: {{ master_uri: {master} }}\n");
+    }
+    text.push_str("routes:\n");
     let taken = facts.taken_names();
     for (interaction, title) in [
         (
@@ -63,11 +66,13 @@ fn is_left_out(entry: &Entry, facts: &Facts) -> bool {
 fn route(text: &mut String, entry: &Entry, is_off: bool) {
     let (ros1, ros2) = (format!("ros:{}", entry.name), format!("ros2:{}", entry.ros2_name()));
     let [source, destination] = entry.interaction.keys();
-    let extra = match (entry.name.as_str(), entry.traffic) {
+    let depth = match (entry.name.as_str(), entry.traffic) {
         ("/tf", _) => ", queue_depth: 100",
         (_, Some(it)) if it.bytes >= LARGE => ", queue_depth: 2",
         _ => "",
     };
+    let lazy = if entry.interaction == Interaction::Topic { ", lazy: true" } else { "" };
+    let extra = format!("{depth}{lazy}");
     let mut line = |from: &str, to: &str, is_off: bool, comment: &str| {
         let mark = if is_off { "# " } else { "" };
         let (from, to) = (quoted(from), quoted(to));
@@ -119,13 +124,13 @@ mod tests {
             entry(Interaction::Service, "/go/get_loggers", "roscpp/srv/GetLoggers"),
             entry(Interaction::Action, "/move", "demo/action/Move"),
         ];
-        let master = "http://base:11311".to_owned();
-        let facts = Facts { master, entries, has_parameters: true, ..Facts::default() };
+        let of = "http://base:11311".to_owned();
+        let facts = Facts { of, entries, has_parameters: true, ..Facts::default() };
         let text = routes(&facts, "survey.md");
         for line in [
-            "  - { from: \"ros2:/cmd_vel\", to: \"ros:/cmd_vel\" }  # geometry_msgs/Twist\n",
-            "  - { from: \"ros:/cam/1st\", to: \"ros2:/cam/_1st\" }  # demo/Odd\n",
-            "  # - { from: \"ros2:/cam/_1st\", to: \"ros:/cam/1st\" }  # demo/Odd\n",
+            "  - { from: \"ros2:/cmd_vel\", to: \"ros:/cmd_vel\", lazy: true }  # geometry_msgs/Twist\n",
+            "  - { from: \"ros:/cam/1st\", to: \"ros2:/cam/_1st\", lazy: true }  # demo/Odd\n",
+            "  # - { from: \"ros2:/cam/_1st\", to: \"ros:/cam/1st\", lazy: true }  # demo/Odd\n",
             "  - { service: \"ros:/go\", as: \"ros2:/go\" }",
             "  - { action: \"ros:/move\", as: \"ros2:/move\" }",
         ] {
@@ -134,7 +139,11 @@ mod tests {
         assert!(!text.contains("get_loggers") && !text.contains("rosout_agg"), "{text}");
         let text = text.replace("/scan \\\"x\\\"", "/scan");
         assert_eq!(load_text(&text, "survey.yaml").unwrap().plan.routes.len(), 7, "{text}");
-        let none = routes(&Facts { master: facts.master, ..Facts::default() }, "survey.md");
-        assert_eq!(load_text(&none, "survey.yaml").unwrap().plan.routes.len(), 1, "{none}");
+        for is_bag in [false, true] {
+            let facts = Facts { of: facts.of.clone(), is_bag, ..Facts::default() };
+            let none = routes(&facts, "survey.md");
+            assert_eq!(load_text(&none, "survey.yaml").unwrap().plan.routes.len(), 1, "{none}");
+            assert_eq!(none.contains("master_uri"), !is_bag, "{none}");
+        }
     }
 }

@@ -5,10 +5,9 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use serde_json::{Value, json};
 use wrapyfi_bag::ros1::{BagReader, Limits, OpenError};
-use wrapyfi_bag::{Conversion, ConvertOptions, Progress, Report, TopicReport};
+use wrapyfi_bag::{Conversion, ConvertError, ConvertOptions, Progress, Report, TopicReport};
 use wrapyfi_interfaces::ros1::{Options, Rules, Transcoded, Types};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -35,6 +34,9 @@ pub fn run(args: &ConvertArgs, shutdown: &Shutdown) -> Result<()> {
     let mib = usize::try_from(args.max_message_mib).unwrap_or(usize::MAX);
     let message_bytes = mib.saturating_mul(1 << 20);
     let types = types(&args.definitions)?;
+    if args.bag.is_dir() {
+        return Err(Failure::Usage(format!("{shown} is a folder: name a bag of ROS 1 in it")));
+    }
     let file =
         File::open(&args.bag).map_err(|error| Failure::Usage(format!("{shown}: {error}")))?;
     let limits = Limits { message_bytes, ..Limits::default() };
@@ -49,10 +51,12 @@ pub fn run(args: &ConvertArgs, shutdown: &Shutdown) -> Result<()> {
     }
     let path = args.out.clone().unwrap_or_else(|| args.bag.with_extension("mcap"));
     let place = Place::new(&path)?;
-    let mut out = place.create(args.compression.into())?;
     let options = Options { message_bytes, elements: usize::MAX, ..Options::default() };
     let mut conversion = Conversion::new(types, options);
     let topics: BTreeSet<String> = args.topics.iter().cloned().collect();
+    check_topics(&topics, &bag, &mut conversion)
+        .map_err(|why| Failure::Usage(format!("{shown}{why}")))?;
+    let mut out = place.create(args.compression.into())?;
     let wanted = ConvertOptions { topics: (!topics.is_empty()).then_some(topics) };
     let (start, mut said) = (Instant::now(), Instant::now());
     let mut look = |progress: &Progress| {
@@ -64,22 +68,49 @@ pub fn run(args: &ConvertArgs, shutdown: &Shutdown) -> Result<()> {
         }
         !shutdown.requested()
     };
-    let report = wrapyfi_bag::convert(&mut bag, &mut conversion, &mut out, &wanted, &mut look)
-        .with_context(|| shown.to_string());
+    let report = wrapyfi_bag::convert(&mut bag, &mut conversion, &mut out, &wanted, &mut look);
+    let report = report.map_err(|error| {
+        let file = if matches!(error, ConvertError::Write(_)) { &place.file } else { &args.bag };
+        anyhow::Error::new(error).context(file.display().to_string())
+    });
     // What was written before an error stays, with its index.
     let metadata = place.finish(out);
-    let (report, metadata) = (report?, metadata?);
+    let report = report?;
+    metadata?;
     let took = start.elapsed();
     match args.json {
         true => output::line(&as_json(&report, &place.file.display().to_string()).to_string())?,
         false => print(&report, &place, took)?,
     }
-    debug_assert_eq!(metadata.messages(), report.messages);
     if report.is_complete() { Ok(()) } else { Err(Failure::Found) }
 }
 
+/// Refuses topics of which a bag with an index has none, by their names in it or in ROS 2.
+fn check_topics(
+    wanted: &BTreeSet<String>,
+    bag: &BagReader<File>,
+    conversion: &mut Conversion,
+) -> Result<(), String> {
+    if wanted.is_empty() || !bag.is_indexed() {
+        return Ok(());
+    }
+    conversion.take_up(bag.connections().values());
+    let mut names = BTreeSet::new();
+    for connection in bag.connections().values() {
+        let converted = conversion.target(connection).map(|target| target.topic.clone());
+        if wanted.contains(&connection.topic) || converted.is_ok_and(|name| wanted.contains(&name))
+        {
+            return Ok(());
+        }
+        names.insert(connection.topic.as_str());
+    }
+    let wanted = wanted.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let names = names.into_iter().collect::<Vec<_>>().join(", ");
+    Err(format!(" has no topic {wanted}; it has {names}"))
+}
+
 /// Types of ROS 2 of the folders that are named, then of the ROS 2 that is sourced.
-pub(super) fn types(folders: &[PathBuf]) -> Result<Types> {
+pub(crate) fn types(folders: &[PathBuf]) -> Result<Types> {
     let fault = |text| Failure::Usage(format!("--definitions {text}"));
     folders.iter().try_for_each(|folder| definitions::check(folder)).map_err(fault)?;
     let mut store = TypeStore::empty();

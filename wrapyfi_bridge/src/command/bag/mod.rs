@@ -5,3 +5,5 @@ mod output;
 pub mod play;
 pub mod record;
 mod source;
+
+pub(crate) use self::convert::types;
