@@ -106,6 +106,11 @@ fn the_report_has_names_types_and_what_latched() -> Result {
         let chosen = convert(env, &bag, "chosen.mcap", &["--topics", "/tf,/odd/names,/none"], 1)?;
         assert_eq!(chosen["topics"].as_array().map(Vec::len), Some(2), "{chosen}");
         assert_eq!(chosen["absent"][0], "/none");
+        let nothing = ["convert", "some.bag", "nothing.mcap", "--topics", "/none"];
+        let mut nothing = env.wrapyfi(nothing)?;
+        nothing.exits_with(2)?;
+        assert!(nothing.stderr().contains("has no topic /none; it has /"), "{}", nothing.stderr());
+        assert!(!env.path("nothing.mcap").exists());
         // For a person, and no second time.
         let (bag, out) = (bag.display().to_string(), env.path("told").display().to_string());
         let mut told = env.wrapyfi(["convert", &bag, &out])?;
@@ -116,6 +121,35 @@ fn the_report_has_names_types_and_what_latched() -> Result {
         let mut again = env.wrapyfi(["convert", &bag, &out])?;
         again.exits_with(2)?;
         assert!(again.stderr().contains("is there already"), "{}", again.stderr());
+        Ok(())
+    })
+}
+
+/// A survey of a bag names types, latched topics and what is to be decided; a bridge takes its routes.
+#[test]
+fn a_survey_of_a_bag_needs_no_roscore() -> Result {
+    run("bags_survey", NEEDS, |env| {
+        let bag = bag(env, "some.bag", "")?;
+        let survey = ["survey", "--bag", "some.bag", "--output", "bag.md"];
+        env.wrapyfi(survey)?.exits_with(0)?;
+        let report = std::fs::read_to_string(env.path("bag.md"))?;
+        for line in [
+            "topic `/robot-1/1st` is no name of ROS 2: it is `/robot_1/_1st` there",
+            "package `demo_msgs` is not on ROS 2 here (demo_msgs/msg/All, demo_msgs/msg/OddType)",
+            "| /tf_static | tf2_msgs/TFMessage → tf2_msgs/msg/TFMessage | /lidar_driver |",
+            "| /odd/names | demo_msgs/odd_type → demo_msgs/msg/OddType (not on ROS 2 here) |",
+            "Rates and sizes are those of the bag, of 3.9 s",
+        ] {
+            assert!(report.contains(line), "{line}:\n{report}");
+        }
+        assert!(!report.contains("## Services"), "{report}");
+        env.wrapyfi(["check", "bag.yaml"])?.exits_with(0)?;
+        // What cannot be read is told.
+        let size = std::fs::metadata(&bag)?.len();
+        std::fs::OpenOptions::new().write(true).open(&bag)?.set_len(size / 2)?;
+        let mut cut = env.wrapyfi(["survey", "--bag", "some.bag", "--output", "cut.md"])?;
+        cut.exits_with(1)?;
+        assert!(cut.stdout().contains("bytes too early"), "{}", cut.tail());
         Ok(())
     })
 }

@@ -35,6 +35,12 @@ fn what_is_played_is_recorded_again() -> Result {
         record.interrupt()?;
         record.exits_with(0)?;
         assert_eq!(compared(env, &bag, "again", "--played")?, 80);
+        // What nobody publishes leaves no recording.
+        let nothing = ["record", "ros2:/nothing", "--output", "none", "--seconds", "0.5"];
+        let mut nothing = env.wrapyfi(nothing)?;
+        nothing.exits_with(1)?;
+        assert!(nothing.stderr().contains("no recording is left"), "{}", nothing.stderr());
+        assert!(!env.path("none").exists());
         // A topic that the recording has not.
         let mut missing = played(env, "some", "--topics /nothing")?;
         missing.exits_with(2)?;

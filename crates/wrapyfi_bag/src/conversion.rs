@@ -63,7 +63,7 @@ pub struct Conversion {
     options: Options,
     /// Targets by the numbers of connections, or the reason why there is none.
     targets: BTreeMap<u32, Result<Target, String>>,
-    /// Name in the bag and type of each topic of ROS 2.
+    /// Name in the bag and hash of the type of each topic of ROS 2.
     taken: BTreeMap<String, (String, String)>,
 }
 
@@ -71,6 +71,17 @@ impl Conversion {
     /// Conversion with the types that are at hand, and limits of each message.
     pub fn new(types: Types, options: Options) -> Self {
         Self { types, options, targets: BTreeMap::new(), taken: BTreeMap::new() }
+    }
+
+    /// Works out those of the connections whose topics have names that ROS 2 allows: they keep these, whatever becomes one
+    /// of them.
+    pub fn take_up<'c>(&mut self, connections: impl IntoIterator<Item = &'c Connection>) {
+        for connection in connections {
+            if ros_name(&connection.topic) == connection.topic {
+                // The reason why it has none is told with its messages.
+                _ = self.target(connection);
+            }
+        }
     }
 
     /// The ROS 2 side of a connection: worked out when it is first asked for.
@@ -112,19 +123,25 @@ impl Conversion {
         let plan = PairPlan::compile(&definition.resolved, &ros2, self.types.rules())
             .map_err(|error| error.to_string())?;
         notes.extend(plan.notes().iter().filter(|note| note.is_loss()).map(ToString::to_string));
-        let topic = self.named(&connection.topic, &ros2.name().to_string());
-        if topic != connection.topic {
-            notes.insert(0, format!("{} is {topic} in ROS 2", connection.topic));
+        let from = &connection.topic;
+        let wanted = ros_name(&format!("/{from}"));
+        let wanted = if wanted.is_empty() { "/_".to_owned() } else { wanted };
+        let topic = self.named(&wanted, from, ros2.type_hash());
+        if topic != wanted {
+            notes.insert(0, format!(
+                "{from} is {topic} in ROS 2: {wanted} is that of another topic, another type or another definition of it"
+            ));
+        } else if topic != *from {
+            notes.insert(0, format!("{from} is {topic} in ROS 2"));
         }
         Ok(Target { topic, ros2, notes, plan })
     }
 
-    /// Name in ROS 2 that no other topic and no other type has.
-    fn named(&mut self, topic: &str, type_name: &str) -> String {
-        let wanted = ros_name(&format!("/{topic}"));
-        let wanted = if wanted.is_empty() { "/_".to_owned() } else { wanted };
-        let owner = (topic.to_owned(), type_name.to_owned());
-        let mut name = wanted.clone();
+    /// Name in ROS 2 that no other topic, no other type and no other definition of it has: players publish a topic with one
+    /// type.
+    fn named(&mut self, wanted: &str, topic: &str, type_hash: String) -> String {
+        let owner = (topic.to_owned(), type_hash);
+        let mut name = wanted.to_owned();
         for number in 2_u32.. {
             match self.taken.get(&name) {
                 Some(taken) if *taken != owner => name = format!("{wanted}_{number}"),
@@ -188,6 +205,18 @@ mod tests {
         assert_eq!(name(connection(3, "/a-b", "x/B", "bool b")), "/a_b_3");
         assert_eq!(name(connection(4, "chatter", "x/A", "bool a")), "/chatter");
         assert_eq!(name(connection(5, "", "x/A", "bool a")), "/_");
+        // Another definition of the same type.
+        assert_eq!(name(connection(6, "/chatter", "x/A", "bool a\nbool b")), "/chatter_2");
+        assert_eq!(name(connection(7, "/a_b", "x/A", "bool a")), "/a_b_2");
+    }
+
+    #[test]
+    fn a_name_that_ros_2_allows_is_kept_whatever_comes_first() {
+        let all = [connection(0, "/a-b", "x/A", "bool a"), connection(1, "/a_b", "x/A", "bool a")];
+        let mut conversion = conversion();
+        conversion.take_up(&all);
+        let names = all.map(|one| conversion.target(&one).unwrap().topic.clone());
+        assert_eq!(names, ["/a_b_2", "/a_b"]);
     }
 
     #[test]

@@ -169,6 +169,7 @@ fn read<R: Read + Seek>(
     let mut report = Report::default();
     let mut ways: BTreeMap<u32, Way> = BTreeMap::new();
     let mut seen = 0_u64;
+    conversion.take_up(bag.connections().values());
     loop {
         if seen.is_multiple_of(LOOK_EVERY) {
             let (read_bytes, size_bytes) = bag.position();

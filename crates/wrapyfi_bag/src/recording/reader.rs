@@ -2,13 +2,14 @@
 //!
 //! ```text
 //!   summary at the end ─▶ topics, chunks ─▶ messages by their times
-//!   no summary (the recording was killed) ─▶ messages in the order of the file, as far as it goes
+//!   no summary (the recording was killed) ─▶ messages in the order of the file, as far as it goes, then those of a chunk
+//!                                            whose sizes were never written
 //! ```
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
 
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::{
     IndexedReadEvent, IndexedReader, IndexedReaderOptions, LinearReadEvent, LinearReader,
     LinearReaderOptions, SummaryReadEvent, SummaryReader, SummaryReaderOptions,
@@ -20,6 +21,12 @@ use super::qos;
 
 /// First bytes of an MCAP file.
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+/// Bytes of a record before its data: its kind, and its size.
+const RECORD_HEAD: usize = 9;
+/// Bytes of a chunk's data before the name of its compression: two times, its size unpacked, a checksum.
+const BEFORE_COMPRESSION: u64 = 28;
+/// Bytes of the size of a name, and of the size of the chunk packed, which stands behind the name.
+const SIZES: u64 = 4 + 8;
 
 /// Error of reading a recording.
 #[derive(Debug, thiserror::Error)]
@@ -78,7 +85,89 @@ enum Order {
     /// By times, with the index.
     Indexed(Box<IndexedReader>),
     /// As the file has them.
-    Linear(Box<LinearReader>),
+    Linear(Linear),
+}
+
+/// Messages in the order of the file.
+struct Linear {
+    reader: Box<LinearReader>,
+    /// Bytes of the file that are left to it.
+    left: u64,
+    /// Offset of records that are to be read behind these: those of a chunk that was never ended.
+    behind: Option<u64>,
+    /// The end of the recording was never written, or is cut off.
+    is_cut: bool,
+}
+
+impl Linear {
+    fn new(source: &mut (impl Read + Seek), size: u64, limit: usize) -> io::Result<Self> {
+        let open = open_chunk(source, size)?;
+        source.seek(SeekFrom::Start(0))?;
+        let options = LinearReaderOptions::default().with_record_length_limit(limit);
+        Ok(Self {
+            reader: Box::new(LinearReader::new_with_options(options)),
+            left: open.as_ref().map_or(size, |open| open.at),
+            behind: open.and_then(|open| open.records_at),
+            is_cut: false,
+        })
+    }
+
+    /// Gives the reader what it asks for, as far as there is some.
+    fn feed(&mut self, source: &mut impl Read, wanted: usize) -> io::Result<()> {
+        let wanted = wanted.min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        let count = source.read(self.reader.insert(wanted))?;
+        self.left = self.left.saturating_sub(count as u64);
+        self.reader.notify_read(count);
+        Ok(())
+    }
+
+    /// Goes on behind the begin of a chunk that was never ended; false where there is none.
+    fn go_on(&mut self, source: &mut impl Seek, size: u64, limit: usize) -> io::Result<bool> {
+        self.is_cut = true;
+        let Some(at) = self.behind.take() else { return Ok(false) };
+        source.seek(SeekFrom::Start(at))?;
+        let options = LinearReaderOptions::default().with_skip_start_magic(true);
+        let options = options.with_record_length_limit(limit);
+        self.reader = Box::new(LinearReader::new_with_options(options));
+        self.left = size.saturating_sub(at);
+        Ok(true)
+    }
+}
+
+/// A chunk whose sizes were never written: a recording that is killed leaves it.
+struct OpenChunk {
+    at: u64,
+    /// Offset of its records; none where they are packed.
+    records_at: Option<u64>,
+}
+
+/// Looks for a chunk that was never ended.
+fn open_chunk(source: &mut (impl Read + Seek), size: u64) -> io::Result<Option<OpenChunk>> {
+    let mut at = MAGIC.len() as u64;
+    while at.saturating_add(RECORD_HEAD as u64) <= size {
+        source.seek(SeekFrom::Start(at))?;
+        let mut head = [0; RECORD_HEAD];
+        source.read_exact(&mut head)?;
+        let [kind, length @ ..] = head;
+        let length = u64::from_le_bytes(length);
+        let data = at + RECORD_HEAD as u64;
+        match (kind, length) {
+            (op::CHUNK, u64::MAX) => {
+                let name_at = data + BEFORE_COMPRESSION;
+                let mut name = [0xFF; 4];
+                if name_at + SIZES <= size {
+                    source.seek(SeekFrom::Start(name_at))?;
+                    source.read_exact(&mut name)?;
+                }
+                let records_at = (name == [0; 4]).then_some(name_at + SIZES);
+                return Ok(Some(OpenChunk { at, records_at }));
+            }
+            // The file has no chunks.
+            (op::MESSAGE, _) => return Ok(None),
+            _ => at = data.saturating_add(length),
+        }
+    }
+    Ok(None)
 }
 
 /// Name, encoding and definition of a type, by the number of its schema.
@@ -150,11 +239,7 @@ impl<R: Read + Seek> Reader<R> {
                 let reader = IndexedReader::new_with_options(summary, options).map_err(fault)?;
                 Order::Indexed(Box::new(reader))
             }
-            None => {
-                source.seek(SeekFrom::Start(0))?;
-                let options = LinearReaderOptions::default().with_record_length_limit(limit);
-                Order::Linear(Box::new(LinearReader::new_with_options(options)))
-            }
+            None => Order::Linear(Linear::new(&mut source, size, limit)?),
         };
         let mut reader = Self {
             source,
@@ -181,6 +266,11 @@ impl<R: Read + Seek> Reader<R> {
     /// Times of the first message and of the last in nanoseconds since 1970, where the recording says so.
     pub fn bounds_ns(&self) -> Option<(u64, u64)> {
         self.bounds_ns
+    }
+
+    /// True where reading has come to a place behind which the recording was not ended: it was killed, or the file is cut.
+    pub fn is_cut(&self) -> bool {
+        matches!(&self.order, Order::Linear(linear) if linear.is_cut)
     }
 
     /// The next message: by its time where the recording has its index, else in the order of the file; none at the end, also
@@ -211,12 +301,17 @@ impl<R: Read + Seek> Reader<R> {
                         (header.channel_id, header.log_time, data.to_vec())
                     }
                 },
-                Order::Linear(reader) => match reader.next_event() {
-                    None | Some(Err(McapError::UnexpectedEof)) => return Ok(None),
+                Order::Linear(linear) => match linear.reader.next_event() {
+                    None => return Ok(None),
+                    Some(Err(McapError::UnexpectedEof)) => {
+                        if linear.go_on(&mut self.source, self.size, limit)? {
+                            continue;
+                        }
+                        return Ok(None);
+                    }
                     Some(Err(error)) => return Err(fault(error)),
                     Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                        let count = self.source.read(reader.insert(wanted))?;
-                        reader.notify_read(count);
+                        linear.feed(&mut self.source, wanted)?;
                         continue;
                     }
                     Some(Ok(LinearReadEvent::Record { opcode, data })) => {
@@ -339,4 +434,76 @@ fn summary<R: Read + Seek>(
         }
     }
     Ok(reader.finish())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Cursor, Write};
+    use std::sync::{Arc, Mutex};
+
+    use wrapyfi_interfaces::store::TypeStore;
+
+    use super::super::{Compression, Topic, Writer};
+    use super::*;
+
+    /// A file that is there when its writer has gone.
+    #[derive(Clone, Default)]
+    struct Kept(Arc<Mutex<Cursor<Vec<u8>>>>);
+
+    impl Write for Kept {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Seek for Kept {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.0.lock().unwrap().seek(to)
+        }
+    }
+
+    /// A recording of five messages, three of them flushed, whose process was killed.
+    fn killed(compression: Compression) -> Vec<u8> {
+        let (file, text) = (Kept::default(), TypeStore::generated());
+        let text = { text }.resolve_name("std_msgs/msg/String").unwrap();
+        let mut out = Writer::new(file.clone(), compression).unwrap();
+        let topic = out.add_topic(&Topic::of("/a", &text, vec![Qos::default()])).unwrap();
+        for time in 0..5 {
+            out.write(topic, time, time, b"\0\x01\0\0\x03\0\0\0hi\0").unwrap();
+            if time == 2 {
+                out.flush().unwrap();
+            }
+        }
+        std::mem::forget(out);
+        file.0.lock().unwrap().get_ref().clone()
+    }
+
+    fn times(bytes: Vec<u8>) -> (Vec<u64>, bool) {
+        let mut reader = Reader::open(Cursor::new(bytes), 1 << 20).unwrap();
+        let mut times = Vec::new();
+        while let Some(message) = reader.next_message().unwrap() {
+            assert_eq!(reader.topics()[message.topic].name, "/a");
+            times.push(message.time_ns);
+        }
+        (times, reader.is_cut())
+    }
+
+    #[test]
+    fn a_recording_that_was_killed_has_what_is_whole() {
+        assert_eq!(times(killed(Compression::None)), (vec![0, 1, 2, 3, 4], true));
+        // What is packed is whole with its chunk.
+        for compression in [Compression::Zstd, Compression::Lz4] {
+            assert_eq!(times(killed(compression)), (vec![0, 1, 2], true), "{compression:?}");
+        }
+        for cut in 1..40 {
+            let mut bytes = killed(Compression::None);
+            bytes.truncate(bytes.len() - cut);
+            let (times, is_cut) = times(bytes);
+            assert!(times.len() >= 3 && is_cut, "{cut}: {times:?}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The writer of recordings.
 
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::{self, Seek, Write};
 
 use mcap::records::MessageHeader;
 use wrapyfi_endpoint::Qos;
@@ -30,9 +30,12 @@ pub enum Compression {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// The file cannot be written on, for instance because the disk is full.
+    /// The system refuses, for instance because the disk is full.
     #[error("it cannot be written: {0}")]
-    Mcap(#[from] mcap::McapError),
+    Io(io::Error),
+    /// The file cannot be written on.
+    #[error("it cannot be written: {0}")]
+    Mcap(mcap::McapError),
     /// There are more topics than a file can have.
     #[error(
         "there are over {limit} topics, which is all that a file can have: choose some with --topics"
@@ -44,6 +47,15 @@ pub enum WriteError {
     /// The topic was not added to this recording.
     #[error("topic {0} was not added")]
     UnknownTopic(usize),
+}
+
+impl From<mcap::McapError> for WriteError {
+    fn from(error: mcap::McapError) -> Self {
+        match error {
+            mcap::McapError::Io(error) => Self::Io(error),
+            error => Self::Mcap(error),
+        }
+    }
 }
 
 /// A topic of a recording.
@@ -182,6 +194,14 @@ impl<W: Write + Seek> Writer<W> {
         let (first, last) = self.bounds_ns.unwrap_or((received_ns, received_ns));
         self.bounds_ns = Some((first.min(received_ns), last.max(received_ns)));
         Ok(())
+    }
+
+    /// Ends the chunk and has the system write all that it holds: a process that is killed then loses nothing of it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        Ok(self.inner.flush()?)
     }
 
     /// Topics with their numbers of messages.

@@ -176,6 +176,10 @@ impl<R: Read + Seek> BagReader<R> {
                     Err(Stop::Io(error)) => return Err(error.into()),
                 };
             }
+            // Where something stands behind it, that fault is met again.
+            Err(Stop::Fault(fault)) if begin == reader.input.size() => {
+                reader.damage.note(begin, fault);
+            }
             Ok(_) | Err(Stop::Fault(_)) => {}
             Err(Stop::Io(error)) => return Err(error.into()),
         }

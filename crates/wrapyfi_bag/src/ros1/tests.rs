@@ -54,6 +54,15 @@ fn messages_come_in_order_however_they_are_packed() {
 }
 
 #[test]
+fn a_bag_that_is_cut_before_its_first_record_ends_is_not_whole() {
+    for size in [13, 14, 30, 200] {
+        let bag = [begin(0), chunk("none", &messages(0..3))].concat();
+        let (found, damage) = read(bag[..size.min(begin(0).len() - 1)].to_vec());
+        assert_eq!((found, damage.count), (Vec::new(), 1), "{size}: {damage}");
+    }
+}
+
+#[test]
 fn a_bag_that_was_killed_has_what_it_had_written() {
     // The last chunk has no sizes yet, and its records follow.
     let [begin, first, _] = two_chunks("none");

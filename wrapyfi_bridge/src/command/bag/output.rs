@@ -33,7 +33,7 @@ impl Place {
                 "{shown} is there already: remove it, or give another name"
             )));
         }
-        if path.extension().is_some_and(|extension| extension == "mcap") {
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap")) {
             return Ok(Self { file: path.to_owned(), folder: None });
         }
         let name = path.file_name().and_then(|name| name.to_str());
@@ -42,12 +42,12 @@ impl Place {
         Ok(Self { file, folder: Some(path.to_owned()) })
     }
 
-    /// Creates the file, and its folder.
+    /// Creates the file, and the folders that lead to it.
     ///
     /// # Errors
     /// Exit code 1 where the system refuses.
     pub(super) fn create(&self, compression: Compression) -> Result<Writer<BufWriter<File>>> {
-        if let Some(folder) = &self.folder {
+        if let Some(folder) = self.file.parent() {
             fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         }
         let file = File::create_new(&self.file).with_context(|| self.file.display().to_string())?;
@@ -67,5 +67,15 @@ impl Place {
             fs::write(&file, metadata.to_yaml()).with_context(|| file.display().to_string())?;
         }
         Ok(metadata)
+    }
+
+    /// Removes a recording that nothing came to, so that the same command can be given again.
+    pub(super) fn remove(&self) {
+        // What cannot be removed stays, and says by its name what it is.
+        _ = fs::remove_file(&self.file);
+        if let Some(folder) = &self.folder {
+            _ = fs::remove_file(folder.join("metadata.yaml"));
+            _ = fs::remove_dir(folder);
+        }
     }
 }

@@ -19,11 +19,12 @@ use wrapyfi_endpoint::{
 };
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+use wrapyfi_ros1::Ros1;
 
-use super::source::{Played, PlayedTopic, Source};
+use super::source::{Played, PlayedTopic, Ros1Type, Source};
 use crate::bag_cli::PlayArgs;
 use crate::exit::{Failure, Result};
-use crate::middlewares::{check_topic, for_endpoint, is_ros};
+use crate::middlewares::{Endpoints, check_topic, for_endpoint, is_ros, ros1_observer};
 use crate::shutdown::Shutdown;
 
 /// Topic of the time.
@@ -41,7 +42,7 @@ pub fn run(args: &PlayArgs, shutdown: &Shutdown) -> Result<()> {
     let mut source = Source::open(&args.file, &args.definitions)?;
     let mut player = Player::new(args)?;
     player.open_new(source.topics())?;
-    player.check_wanted()?;
+    player.check_wanted(source.topics())?;
     player.wait_for_listeners(shutdown);
     loop {
         player.play(&mut source, shutdown)?;
@@ -51,6 +52,10 @@ pub fn run(args: &PlayArgs, shutdown: &Shutdown) -> Result<()> {
         source = Source::open(&args.file, &args.definitions)?;
     }
     player.tell();
+    if player.messages == 0 && !shutdown.requested() {
+        let file = args.file.display();
+        return Err(Failure::Failed(anyhow::anyhow!("{file} has no message that can be played")));
+    }
     Ok(())
 }
 
@@ -66,6 +71,8 @@ struct Voice {
 struct Player<'a> {
     args: &'a PlayArgs,
     middleware: Arc<dyn Middleware>,
+    /// The same where it is ROS 1.
+    ros1: Option<Arc<Ros1>>,
     address: EndpointAddress,
     wanted: BTreeSet<String>,
     context: Context,
@@ -75,6 +82,8 @@ struct Player<'a> {
     clock: Option<Voice>,
     losses: Throttle,
     lost: u64,
+    /// Messages of topics that are played.
+    messages: u64,
 }
 
 impl<'a> Player<'a> {
@@ -83,10 +92,19 @@ impl<'a> Player<'a> {
         let (middleware, name) = (side.to_owned(), prefix.trim_end_matches('/').to_owned());
         args.own.check(side)?;
         let address = EndpointAddress { middleware, name };
-        let middleware = for_endpoint(&address, Role::Publisher, args.own)?;
+        let mut endpoints = Endpoints::default();
+        endpoints.reached_at(args.own);
+        let (middleware, ros1): (Arc<dyn Middleware>, _) = match ros1_observer(&endpoints, side) {
+            Some(ros1) => {
+                let ros1 = ros1?;
+                (Arc::clone(&ros1) as _, Some(ros1))
+            }
+            None => (for_endpoint(&address, Role::Publisher, args.own)?, None),
+        };
         let mut player = Self {
             args,
             middleware,
+            ros1,
             address,
             wanted: args.topics.iter().cloned().collect(),
             context: Context::default(),
@@ -95,11 +113,12 @@ impl<'a> Player<'a> {
             clock: None,
             losses: Throttle::default(),
             lost: 0,
+            messages: 0,
         };
         if args.clock.is_some() {
             let ros_type = RosType::of::<Clock>().map_err(Failure::usage)?;
             let name = CLOCK.to_owned();
-            let clock = PlayedTopic { name, ros_type, qos: Qos::default() };
+            let clock = PlayedTopic { name, ros_type, qos: Qos::default(), of_ros1: None };
             player.clock = Some(player.voice(&clock)?);
         }
         Ok(player)
@@ -126,7 +145,7 @@ impl<'a> Player<'a> {
     }
 
     fn voice(&self, topic: &PlayedTopic) -> Result<Voice> {
-        let PlayedTopic { name, ros_type, qos } = topic;
+        let PlayedTopic { name, ros_type, qos, of_ros1 } = topic;
         let name = format!("{}/{}", self.address.name, name.trim_start_matches('/'));
         let address = EndpointAddress { middleware: self.address.middleware.clone(), name };
         check_topic(&address)?;
@@ -134,19 +153,29 @@ impl<'a> Player<'a> {
         let message_type = Learned::Ros(*ros_type).message_type(is_ros(&address));
         let limits = Limits { message_bytes: MOST_BYTES, ..Limits::default() };
         let spec = TopicSpec { qos: *qos, limits, ..TopicSpec::new(&address.name, message_type) };
+        if let (Some(ros1), Some(Ros1Type { name, md5sum, definition })) = (&self.ros1, of_ros1) {
+            // One that cannot be read has been left out; one whose checksum lies is played as ROS 2 has it.
+            _ = ros1.with_types(|types| types.show(name, md5sum, definition));
+        }
         let publisher = self.middleware.open_publisher(&spec, &self.context);
         let publisher = publisher.map_err(|error| Failure::Usage(format!("{address}: {error}")))?;
         Ok(Voice { publisher, spec, ros_type: *ros_type, sent: 0, unheard: 0 })
     }
 
-    /// Refuses names that the recording has not.
-    fn check_wanted(&self) -> Result<()> {
+    /// Refuses names that the recording has not, or that cannot be played.
+    fn check_wanted(&self, topics: &[Result<PlayedTopic, String>]) -> Result<()> {
+        let file = self.args.file.display();
+        let left_out = topics.iter().filter_map(|topic| topic.as_ref().err());
+        for why in left_out {
+            if why.split_once(": ").is_some_and(|(name, _)| self.wanted.contains(name)) {
+                return Err(Failure::Usage(format!("{file}: {why}")));
+            }
+        }
         let mut missing = self.wanted.iter().filter(|name| !self.names.contains(name));
         match missing.next() {
             // One without an index shows its topics as it is played.
             Some(name) if !self.names.is_empty() => Err(Failure::Usage(format!(
-                "{} has no topic {name}; it has {}",
-                self.args.file.display(),
+                "{file} has no topic {name}; it has {}",
                 self.names.join(", ")
             ))),
             _ => Ok(()),
@@ -187,6 +216,7 @@ impl<'a> Player<'a> {
             if !self.voices.get(next.topic).is_some_and(Option::is_some) {
                 continue;
             }
+            self.messages += 1;
             let first = *first_ns.get_or_insert(next.time_ns);
             let since = Duration::from_nanos(next.time_ns.saturating_sub(first));
             let due = begin + since.div_f64(self.args.rate);

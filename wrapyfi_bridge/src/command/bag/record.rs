@@ -30,6 +30,8 @@ use crate::exit::{Failure, Result};
 use crate::middlewares::{check_topic, conventions, described, for_endpoint, is_ros};
 use crate::shutdown::Shutdown;
 
+/// Time after which what has come is in the file, whatever then becomes of the process.
+const WRITE_WITHIN: Duration = Duration::from_secs(5);
 /// Time between two looks at the endpoints of a side.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Topics of ROS about the nodes themselves, which are not recorded with all of a side.
@@ -41,7 +43,7 @@ const QUEUE_DEPTH: usize = 1000;
 ///
 /// # Errors
 /// Exit code 2 for endpoints that cannot be, and a recording that is there already; 1 where it cannot be written, and where nothing
-/// was recorded.
+/// came, which leaves no file.
 pub fn run(args: &RecordArgs, shutdown: &Shutdown) -> Result<()> {
     let wake = Wake::new();
     let mut types = definitions::of_command(&args.definitions)?;
@@ -49,7 +51,7 @@ pub fn run(args: &RecordArgs, shutdown: &Shutdown) -> Result<()> {
     let place = Place::new(&args.output)?;
     let mut out = Tape { out: place.create(args.compression.into())?, taken: BTreeMap::new() };
     let end = args.seconds.map(|seconds| Instant::now() + seconds);
-    let mut looked: Option<Instant> = None;
+    let (mut looked, mut written) = (None::<Instant>, Instant::now());
     while !shutdown.requested() && end.is_none_or(|end| Instant::now() < end) {
         if looked.is_none_or(|at| at.elapsed() >= LOOK_EVERY) {
             for side in &mut sides {
@@ -61,6 +63,10 @@ pub fn run(args: &RecordArgs, shutdown: &Shutdown) -> Result<()> {
         for ear in sides.iter_mut().flat_map(|side| side.ears.values_mut()) {
             is_idle &= !ear.take(&mut out)?;
         }
+        if written.elapsed() >= WRITE_WITHIN {
+            out.out.flush().with_context(|| place.file.display().to_string())?;
+            written = Instant::now();
+        }
         if is_idle {
             let rest = end.map_or(WAIT_SLICE, |end| end.saturating_duration_since(Instant::now()));
             wake.wait(rest.min(WAIT_SLICE));
@@ -71,11 +77,17 @@ pub fn run(args: &RecordArgs, shutdown: &Shutdown) -> Result<()> {
     let waiting: Vec<_> = sides.iter().flat_map(Side::unheard).collect();
     let (file, metadata) = (place.file.display(), place.finish(out.out)?);
     let (messages, topics) = (metadata.messages(), metadata.topics.len());
-    tracing::info!("recorded {messages} messages of {topics} topics in {file}");
     waiting.iter().for_each(|text| tracing::warn!("not recorded: {text}"));
     if messages == 0 {
-        return Err(Failure::Failed(anyhow::anyhow!("nothing was recorded: no message came")));
+        place.remove();
+        let sides: BTreeSet<_> = sides.iter().map(|side| side.name.as_str()).collect();
+        let lists: Vec<_> = sides.iter().map(|side| format!("`wrapyfi list {side}`")).collect();
+        return Err(Failure::Failed(anyhow::anyhow!(
+            "no message came, and no recording is left; {} shows what is published",
+            lists.join(", ")
+        )));
     }
+    tracing::info!("recorded {messages} messages of {topics} topics in {file}");
     Ok(())
 }
 

@@ -10,13 +10,14 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::Context as _;
 use wrapyfi_bag::recording::{Reader, RecordedTopic};
-use wrapyfi_bag::ros1::{BagReader, Limits};
+use wrapyfi_bag::ros1::{BagReader, Connection, Limits};
 use wrapyfi_bag::{Conversion, offered};
 use wrapyfi_data::types::RosType;
-use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
+use wrapyfi_endpoint::{Durability, History, Qos, Reliability, Throttle};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::ros1::Options;
 use wrapyfi_interfaces::store::ResolvedType;
@@ -35,6 +36,16 @@ pub(super) struct PlayedTopic {
     pub(super) name: String,
     pub(super) ros_type: RosType,
     pub(super) qos: Qos,
+    /// Type as a bag of ROS 1 has it: what is published on ROS 1 is that again.
+    pub(super) of_ros1: Option<Ros1Type>,
+}
+
+/// Type of a topic in a bag of ROS 1.
+#[derive(Debug, Clone)]
+pub(super) struct Ros1Type {
+    pub(super) name: String,
+    pub(super) md5sum: String,
+    pub(super) definition: String,
 }
 
 /// A message of a recording.
@@ -55,6 +66,7 @@ pub(super) struct Source {
 enum Kind {
     /// Recordings, one behind the other: the open one with the places of its topics, and the rest, the last first.
     Mcap {
+        file: PathBuf,
         open: Box<Reader<BufReader<File>>>,
         indices: Vec<usize>,
         rest: Vec<PathBuf>,
@@ -63,6 +75,7 @@ enum Kind {
         bag: Box<BagReader<File>>,
         conversion: Box<Conversion>,
         indices: BTreeMap<u32, usize>,
+        losses: Throttle,
     },
 }
 
@@ -90,11 +103,11 @@ impl Source {
                 Options { message_bytes: MOST_BYTES, elements: usize::MAX, ..Options::default() };
             let conversion = Conversion::new(types(definitions)?, options);
             let (bag, conversion) = (Box::new(bag), Box::new(conversion));
-            Kind::Bag { bag, conversion, indices: BTreeMap::new() }
+            Kind::Bag { bag, conversion, indices: BTreeMap::new(), losses: Throttle::default() }
         } else {
             let open =
                 Reader::open(BufReader::new(file), MOST_BYTES).map_err(|error| fault(&error))?;
-            Kind::Mcap { open: Box::new(open), indices: Vec::new(), rest: files }
+            Kind::Mcap { file: first, open: Box::new(open), indices: Vec::new(), rest: files }
         };
         let mut source = Self { topics: Vec::new(), kind };
         source.look();
@@ -114,7 +127,7 @@ impl Source {
         loop {
             let Self { kind, topics } = self;
             match kind {
-                Kind::Mcap { open, indices, rest } => {
+                Kind::Mcap { file, open, indices, rest } => {
                     if let Some(next) = open.next_message().context("the recording")? {
                         for topic in open.topics().iter().skip(indices.len()) {
                             indices.push(place(topics, recorded(topic)));
@@ -123,14 +136,22 @@ impl Source {
                         let (time_ns, cdr) = (next.time_ns, next.cdr);
                         return Ok(Some(Played { topic, time_ns, cdr }));
                     }
+                    if open.is_cut() {
+                        tracing::warn!(
+                            "{} has no end: its recording was killed, or it is cut; what is whole of it is played",
+                            file.display()
+                        );
+                    }
                     let Some(path) = rest.pop() else { return Ok(None) };
-                    let file = File::open(&path).with_context(|| path.display().to_string())?;
-                    let next = Reader::open(BufReader::new(file), MOST_BYTES);
+                    let next = File::open(&path).with_context(|| path.display().to_string())?;
+                    let next = Reader::open(BufReader::new(next), MOST_BYTES);
                     **open = next.with_context(|| path.display().to_string())?;
+                    *file = path;
                     indices.clear();
                 }
-                Kind::Bag { bag, conversion, indices } => {
+                Kind::Bag { bag, conversion, indices, losses } => {
                     let Some(next) = bag.next_message().context("the bag")? else {
+                        bag.damage().to_string().lines().for_each(|line| tracing::warn!("{line}"));
                         return Ok(None);
                     };
                     let (id, time_ns) = (next.connection, next.time_ns);
@@ -142,7 +163,12 @@ impl Source {
                     match conversion.convert(id, bag.message(), &mut cdr) {
                         Some(Ok(_)) => return Ok(Some(Played { topic, time_ns, cdr })),
                         Some(Err(error)) => {
-                            tracing::warn!("a message cannot be converted: {error}");
+                            if let Some(unlogged_before) = losses.pass(Instant::now()) {
+                                tracing::warn!(
+                                    unlogged_before,
+                                    "a message cannot be converted: {error}"
+                                );
+                            }
                         }
                         None => {}
                     }
@@ -160,7 +186,7 @@ impl Source {
                     indices.push(place(topics, recorded(topic)));
                 }
             }
-            Kind::Bag { bag, conversion, indices } => {
+            Kind::Bag { bag, conversion, indices, .. } => {
                 take_connections(bag, conversion, indices, topics);
             }
         }
@@ -175,6 +201,7 @@ fn take_connections(
     topics: &mut Vec<Result<PlayedTopic, String>>,
 ) {
     let connections = bag.connections();
+    conversion.take_up(connections.values());
     for (id, connection) in connections {
         if indices.contains_key(id) {
             continue;
@@ -184,7 +211,10 @@ fn take_connections(
         });
         let topic = conversion.target(connection).map_err(str::to_owned).and_then(|target| {
             let ros_type = RosType::new(&target.ros2).map_err(|error| error.to_string())?;
-            Ok(PlayedTopic { name: target.topic.clone(), ros_type, qos: one_of(&offered(same)) })
+            let qos = one_of(&offered(same));
+            let Connection { type_name, md5sum, definition, .. } = connection.clone();
+            let of_ros1 = Some(Ros1Type { name: type_name, md5sum, definition });
+            Ok(PlayedTopic { name: target.topic.clone(), ros_type, qos, of_ros1 })
         });
         let topic = topic.map_err(|why| format!("{}: {why}", connection.topic));
         indices.insert(*id, place(topics, topic));
@@ -227,7 +257,7 @@ fn recorded(topic: &RecordedTopic) -> Result<PlayedTopic, String> {
     });
     let ros_type = resolved.and_then(|it| RosType::new(&it).map_err(|fault| fault.to_string()));
     let ros_type = ros_type.map_err(|fault| format!("{name}: {fault}"))?;
-    Ok(PlayedTopic { name: name.clone(), ros_type, qos: one_of(qos) })
+    Ok(PlayedTopic { name: name.clone(), ros_type, qos: one_of(qos), of_ros1: None })
 }
 
 /// One quality of service for all that publishers offered: each listener that any of them fitted hears it.
