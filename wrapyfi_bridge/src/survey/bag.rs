@@ -21,7 +21,7 @@ use crate::shutdown::Shutdown;
 /// Messages between two looks whether the process is to end.
 const LOOK_EVERY: u64 = 1024;
 
-/// What a bag has.
+/// Topics and counts of a bag.
 pub(super) struct InBag {
     pub(super) learned: Vec<Learned>,
     /// Messages of each topic.
