@@ -128,7 +128,7 @@ impl Linear {
         source.seek(SeekFrom::Start(at))?;
         let options = LinearReaderOptions::default().with_skip_start_magic(true);
         let options = options.with_record_length_limit(limit);
-        self.reader = Box::new(LinearReader::new_with_options(options));
+        *self.reader = LinearReader::new_with_options(options);
         self.left = size.saturating_sub(at);
         Ok(true)
     }
