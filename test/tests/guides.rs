@@ -67,7 +67,7 @@ fn install() -> Result {
     guide.pass_over("apt install", "`make test-packages` does it in a system of its own")?;
     guide.pass_over("systemctl", "it is for root, and for all of the machine")?;
     guide.pass_over("cargo install --locked --path", BUILT)?;
-    guide.pass_over("--config 'target.", "`make test-publish` installs from the crates")?;
+    guide.pass_over("--config profile.release", "`make test-publish` installs from the crates")?;
     guide.pass_over("docker", "`make test-packages` does the steps of the image")?;
     guide.is_done()
 }

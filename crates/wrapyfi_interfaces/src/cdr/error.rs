@@ -35,7 +35,7 @@ pub enum CdrError {
     /// A sequence or a string claims more elements than the message has room for.
     #[error(
         "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: {}",
-        guess(*claimed)
+        guess(*claimed, *needed)
     )]
     Length {
         /// The field.
@@ -115,10 +115,10 @@ impl CdrError {
     }
 }
 
-/// Reason why a sequence claims so many elements: the largest number stands in ROS 2 Lyrical for a description of memory
-/// that only nodes of one machine and maker can read.
-fn guess(claimed: u64) -> &'static str {
-    if claimed == u64::from(u32::MAX) {
+/// Reason why a sequence claims so many elements: the largest number of bytes stands in ROS 2 Lyrical for a description of
+/// memory that only nodes of one machine and maker can read.
+fn guess(claimed: u64, needed: u64) -> &'static str {
+    if claimed == u64::from(u32::MAX) && needed == claimed {
         "a buffer in the memory of a device (rosidl::Buffer), or corrupt; its values are on the topic without /_buf"
     } else {
         "corrupt, or of another type"

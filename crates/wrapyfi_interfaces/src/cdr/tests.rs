@@ -102,8 +102,8 @@ fn refuses_with_field_and_numbers() {
         assert_eq!(text(short).unwrap_err(), CdrError::Encapsulation(short.to_vec()));
     }
     assert_eq!(
-        text(b"\0\x01\0\0\xff\xff\xff\xffhello\0").unwrap_err().to_string(),
-        "data claims 4294967295 elements, which need 4294967295 bytes, 6 are left: corrupt, or \
+        text(b"\0\x01\0\0\xfe\xff\xff\xffhello\0").unwrap_err().to_string(),
+        "data claims 4294967294 elements, which need 4294967294 bytes, 6 are left: corrupt, or \
          of another type"
     );
     assert_eq!(
