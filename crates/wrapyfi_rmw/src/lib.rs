@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Nothing here knows what the bytes mean. No package that defines a type has to be installed. With the feature `rosidl`,
-//! structs of the crates that `rosidl_generator_rs` writes become such bytes ([`rosidl`]).
+//! structs of the crates that `rosidl_generator_rs` writes become such bytes (module `rosidl`).
 //!
 //! The crate is empty without its feature `installed`; with it, a ROS 2 has to be sourced when it is built
 //! and when it runs.
