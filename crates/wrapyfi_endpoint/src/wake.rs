@@ -34,8 +34,9 @@ pub trait Pollable: Send + Sync {
     /// where the I/O thread has to see to the connection.
     fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>>;
 
-    /// Reads what has come, and rings for it.
-    fn read(&self);
+    /// Reads what has come, and rings for it; false where the caller has nothing to watch any more, because the connection
+    /// has ended.
+    fn read(&self) -> bool;
 
     /// Has the I/O thread watch the connection again.
     fn give_back(&self);
@@ -178,7 +179,10 @@ impl Wake {
                 return;
             }
             let ready = lent.iter().zip(is_ready.iter().skip(1)).filter(|(_, is_ready)| **is_ready);
-            ready.for_each(|((connection, _), _)| connection.read());
+            // A descriptor whose connection has ended would be readable for ever.
+            if ready.filter(|((connection, _), _)| !connection.read()).count() > 0 {
+                return;
+            }
         }
     }
 
@@ -259,14 +263,16 @@ mod tests {
             Some(Arc::clone(&self.end) as Arc<dyn AsFd + Send + Sync>)
         }
 
-        fn read(&self) {
+        fn read(&self) -> bool {
             let mut byte = [0];
             assert_eq!(rustix::io::read(&*self.end, &mut byte), Ok(1));
             self.read.fetch_add(1, SeqCst);
             // Half a message rings for nothing.
-            if byte[0] != 0 {
+            if byte[0] == 1 {
                 self.wake.ring();
             }
+            // The end of a connection.
+            byte[0] != 2
         }
 
         fn give_back(&self) {
@@ -292,6 +298,9 @@ mod tests {
         assert_eq!(pipe.read.load(SeqCst), 4);
         wake.ring();
         assert!(wake.wait(Duration::from_secs(60)), "a ring before the wait is not lost");
+        rustix::io::write(&other, &[2]).unwrap();
+        assert!(!wake.wait(Duration::from_secs(60)), "a connection that has ended is left at once");
+        assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (5, false));
 
         // Rings reach a thread that watches connections, and one beside it.
         std::thread::scope(|scope| {

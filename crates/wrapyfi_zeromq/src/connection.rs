@@ -6,7 +6,7 @@
 //!     └──────── a pause ────────────┴────────────────────────────────┘
 //! ```
 //!
-//! As at the broker's ports, ZMTP is spoken here and not by libzmq: that bounds what waits in messages and not in bytes,
+//! As at the broker's ports, ZMTP is spoken here and not by libzmq, which bounds what waits in messages and not in bytes,
 //! throws it away without a word when the connection ends, and wakes a thread of its own for each message.
 
 use std::net::{SocketAddr, TcpStream};
@@ -34,7 +34,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 const READ_BYTES: usize = 16 * 1024;
 
 /// Part that a socket plays on its connection.
-pub(super) trait SocketRole: Send + 'static {
+pub(super) trait SocketRole: Sized + Send + 'static {
     /// Makes of a new connection the peer that it is.
     fn begin(&mut self, peer: Peer) -> Peer;
 
@@ -42,7 +42,12 @@ pub(super) trait SocketRole: Send + 'static {
     ///
     /// # Errors
     /// Why the connection ends.
-    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd>;
+    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd> {
+        read(self, peer, now)
+    }
+
+    /// Takes something that the broker said.
+    fn hear(&mut self, _said: Heard) {}
 
     /// Queues the next that waits, at an open connection; false where there is none.
     fn write(&mut self, _peer: &mut Peer) -> bool {
@@ -383,16 +388,20 @@ impl Connection {
     }
 }
 
-/// Reads what has come, until nothing is left; true when that was too much for one turn.
+/// Reads what has come, until nothing is left, and has the role hear it, whatever then ends the connection; true when
+/// that was too much for one turn.
 ///
 /// # Errors
 /// Why the connection ends.
 pub(super) fn read(
+    role: &mut impl SocketRole,
     peer: &mut Peer,
-    heard: &mut Vec<Heard>,
     now: Instant,
 ) -> Result<bool, ConnectionEnd> {
-    peer.read(&mut [0; READ_BYTES], heard, true, now)
+    let mut heard = Vec::new();
+    let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
+    heard.into_iter().for_each(|said| role.hear(said));
+    read
 }
 
 /// Begins a connection, whose events the I/O thread is told.

@@ -22,8 +22,8 @@ use mio::{Events, Poll};
 
 use super::codec::looks_like;
 use super::config::NAME;
-use super::connection::{self, Connection, SocketRole};
-use super::heard::{ConnectionEnd, Heard};
+use super::connection::{Connection, SocketRole};
+use super::heard::Heard;
 use super::peer::Peer;
 use super::shared::ZeroMqState;
 use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable};
@@ -137,15 +137,10 @@ impl SocketRole for Seen {
         peer.of_messages(Kind::Xsub, self.most_bytes).subscribing(self.subscribes.clone())
     }
 
-    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd> {
-        let mut heard = Vec::new();
-        let read = connection::read(peer, &mut heard, now);
-        for said in heard {
-            if let Heard::Message(frames) = said {
-                self.take(&frames);
-            }
+    fn hear(&mut self, said: Heard) {
+        if let Heard::Message(frames) = said {
+            self.take(&frames);
         }
-        read
     }
 }
 

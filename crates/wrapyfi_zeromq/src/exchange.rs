@@ -228,13 +228,7 @@ impl SocketRole for Exchange {
     }
 
     fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd> {
-        let mut heard = Vec::new();
-        let read = connection::read(peer, &mut heard, now);
-        for said in heard {
-            if let Heard::Message(frames) = said {
-                self.receive(frames);
-            }
-        }
+        let read = connection::read(self, peer, now);
         if let Err(ConnectionEnd::TooLarge(why)) = &read {
             self.context.counters.dropped(DropReason::Oversize);
             tracing::warn!(
@@ -243,6 +237,12 @@ impl SocketRole for Exchange {
             );
         }
         read
+    }
+
+    fn hear(&mut self, said: Heard) {
+        if let Heard::Message(frames) = said {
+            self.receive(frames);
+        }
     }
 
     fn write(&mut self, peer: &mut Peer) -> bool {

@@ -40,7 +40,7 @@ use super::peer::{Peer, TURN};
 use super::subscribers::Subscribers;
 use super::traffic::REFUSED;
 use super::wanted::Wanted;
-use super::zmtp::{self, Kind};
+use super::zmtp::Kind;
 use wrapyfi_endpoint::{DropReason, Throttles};
 
 /// The token of the port; peers are counted from 0.
@@ -255,11 +255,9 @@ impl Front {
         Message::new(frames, self.keys.is_some(), of, None)
     }
 
-    /// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.
+    /// A subscription, or its end, as publishers hear it.
     fn word(&self, is_wanted: bool, topic: &[u8]) -> Arc<Message> {
-        let frame = zmtp::subscription(is_wanted, topic);
-        let of = Some((Bytes::new(), frame.len()));
-        self.message(vec![frame], of)
+        Message::subscription(is_wanted, topic, self.keys.is_some())
     }
 
     /// Number of the peers that are connected.

@@ -86,6 +86,13 @@ impl Message {
         Arc::new(Self { parts, bytes, of, print, missed: AtomicBool::new(false) })
     }
 
+    /// A subscription to what begins with `topic`, or its end. It has a size, so that it counts where it waits.
+    pub(super) fn subscription(is_on: bool, topic: &[u8], is_sealed: bool) -> Arc<Self> {
+        let frame = zmtp::subscription(is_on, topic);
+        let of = Some((Bytes::new(), frame.len()));
+        Self::new(vec![frame], is_sealed, of, None)
+    }
+
     /// The loss of this message at one listener.
     pub(super) fn loss(&self, reason: DropReason, listener: SocketAddr) -> Loss {
         let first = if self.missed.swap(true, Relaxed) { None } else { self.of.clone() };

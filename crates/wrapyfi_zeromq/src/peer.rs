@@ -395,11 +395,9 @@ impl<S: Read + Write> Peer<S> {
     /// # Errors
     /// When too much waits in this process.
     pub(super) fn subscribe_to(&mut self, topic: &str) -> Result<(), ConnectionEnd> {
-        let word = zmtp::subscription(true, topic.as_bytes());
-        let of = Some((Bytes::new(), word.len()));
         let is_sealed = self.mechanism.secured().is_some();
-        let queued = self.queue(&Message::new(vec![word], is_sealed, of, None), None);
-        queued.map_err(|_full| ConnectionEnd::OverBudget)
+        let word = Message::subscription(true, topic.as_bytes(), is_sealed);
+        self.queue(&word, None).map_err(|_full| ConnectionEnd::OverBudget)
     }
 
     /// Takes a message as it came, which with CURVE is one frame of one.

@@ -10,12 +10,10 @@
 //! woken that only passes it on.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::connection::{self, Connection, SocketRole};
-use super::heard::ConnectionEnd;
+use super::connection::{Connection, SocketRole};
 use super::inside::Inside;
 use super::ledger::Ledger;
 use super::message::{Message, Outgoing};
@@ -118,10 +116,6 @@ impl SocketRole for Publication {
     fn begin(&mut self, peer: Peer) -> Peer {
         self.inside = self.ledger.broker.lock().clone().filter(Inside::is_there);
         peer.of_topic(self.topic.clone())
-    }
-
-    fn read(&mut self, peer: &mut Peer, now: Instant) -> Result<bool, ConnectionEnd> {
-        connection::read(peer, &mut Vec::new(), now)
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {

@@ -126,15 +126,7 @@ impl SocketRole for Reception {
             peer.heard_at = now;
             return Ok(false);
         }
-        let mut heard = Vec::new();
-        let read = connection::read(peer, &mut heard, now);
-        for said in heard {
-            match said {
-                Heard::Message(frames) => self.pending.push_back(frames),
-                Heard::NotTaken(not_taken) => self.count_not_taken(&not_taken),
-                _ => {}
-            }
-        }
+        let read = connection::read(self, peer, now);
         self.settle(now);
         if let Err(ConnectionEnd::TooLarge(why)) = &read {
             let topic = String::from_utf8_lossy(&self.topic);
@@ -145,6 +137,14 @@ impl SocketRole for Reception {
             );
         }
         read
+    }
+
+    fn hear(&mut self, said: Heard) {
+        match said {
+            Heard::Message(frames) => self.pending.push_back(frames),
+            Heard::NotTaken(not_taken) => self.count_not_taken(&not_taken),
+            _ => {}
+        }
     }
 
     fn next_look(&self) -> Option<Instant> {

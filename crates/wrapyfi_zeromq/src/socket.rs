@@ -2,7 +2,7 @@
 //! thread in turn.
 //!
 //! ```text
-//!   owner ── use_now ──┐                     ┌─▶ publication, reception or service
+//!   owner ──── send ────┐                     ┌─▶ publication, reception or service
 //!   I/O thread ─ look ─┼─▶ one at a time ────┤
 //!   a wait ──── read ──┘                     └─▶ Connection ── TCP ──▶ broker
 //! ```
@@ -122,18 +122,20 @@ impl<R: SocketRole> Pollable for Socket<R> {
         Some(connection.lend(&self.io.registry)?)
     }
 
-    fn read(&self) {
+    fn read(&self) -> bool {
         let mut state = self.state.lock();
         let SocketState { connection, role } = &mut *state;
         if !connection.is_lent() {
-            return;
+            return false;
         }
         let link = connection.link.state();
         let progress = connection.use_open(role, Instant::now(), &self.io.registry);
-        let is_for_io = progress.more || !connection.is_lent() || role.next_look().is_some();
+        let is_lent = connection.is_lent();
+        let is_for_io = progress.more || !is_lent || role.next_look().is_some();
         let has_changed = link != connection.link.state();
         drop(state);
         self.tell(has_changed, is_for_io);
+        is_lent
     }
 
     fn give_back(&self) {
