@@ -8,6 +8,7 @@ if [ "${PROFILE:-dist}" = dist ]; then
     # Of the standard library, where its sources are installed.
     remapped+=("$(rustc --print sysroot)=rust")
     export RUSTFLAGS="${RUSTFLAGS:-} ${remapped[*]/#/--remap-path-prefix=}"
-    export CFLAGS="${CFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"
+    # No panic passes through C, so that the way out of its functions is told to nobody: 0.1 MB.
+    export CFLAGS="${CFLAGS:-} -fno-asynchronous-unwind-tables ${remapped[*]/#/-ffile-prefix-map=}"
     export CXXFLAGS="${CXXFLAGS:-} ${remapped[*]/#/-ffile-prefix-map=}"
 fi

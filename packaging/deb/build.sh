@@ -19,7 +19,10 @@ if ! cargo deb --version 2>/dev/null | grep -qF "$CARGO_DEB_VERSION"; then
     CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug "cargo-deb@$CARGO_DEB_VERSION"
 fi
 # Addresses that the loader corrects, packed: a twentieth of the file, and of what a bridge at rest has in memory. glibc 2.36 reads it.
-cargo --quiet rustc --profile "$profile" --locked --package wrapyfi_bridge --bin wrapyfi -- -C link-arg=-Wl,-z,pack-relative-relocs
+# And functions that came out the same, once, where the linker can: a hundredth.
+options=(-C link-arg=-Wl,-z,pack-relative-relocs)
+[ "$profile" = dev ] || [ "$(uname -m)" != x86_64 ] || options+=(-C link-arg=-Wl,--icf=all) # by lld, which Rust brings there
+cargo --quiet rustc --profile "$profile" --locked --package wrapyfi_bridge --bin wrapyfi -- "${options[@]}"
 
 # What is made and not written: wrapyfi_bridge/Cargo.toml names it beside what the repository has.
 made=target/package/made
