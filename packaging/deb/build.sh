@@ -20,8 +20,8 @@ if ! cargo deb --version 2>/dev/null | grep -qF "$CARGO_DEB_VERSION"; then
 fi
 # Addresses that the loader corrects, packed: a twentieth of the file, and of what a bridge at rest has in memory. glibc 2.36 reads it.
 # And functions that came out the same, once, where the linker can: a hundredth.
-options=(-C link-arg=-Wl,-z,pack-relative-relocs)
-[ "$profile" = dev ] || [ "$(uname -m)" != x86_64 ] || options+=(-C link-arg=-Wl,--icf=all) # by lld, which Rust brings there
+options=("-Clink-arg=-Wl,-z,pack-relative-relocs")
+[ "$profile" = dev ] || [ "$(uname -m)" != x86_64 ] || options+=("-Clink-arg=-Wl,--icf=all") # by lld, which Rust brings there
 cargo --quiet rustc --profile "$profile" --locked --package wrapyfi_bridge --bin wrapyfi -- "${options[@]}"
 
 # What is made and not written: wrapyfi_bridge/Cargo.toml names it beside what the repository has.
