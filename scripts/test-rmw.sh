@@ -82,15 +82,19 @@ routed='"$1" >/dev/null 2>&1 & router=$!; trap "kill $router" EXIT; shift; "$@"'
 
 for rmw in "${installed[@]}"; do
     echo "test-rmw: $rmw"
+    real="test(/^rmw::/) or test(/^real_ros2::$rmw::/)"
+    # Wheels have no `ros2` and one middleware alone.
+    required=1
+    [ -z "$kilted" ] || required= real='(test(/^kilted::/) and not test(services_need_no_choice))'
     only="package(wrapyfi_rmw) or (package(wrapyfi_ros2) and test(/^rmw::/))
-        or (package(wrapyfi_e2e) and (test(/^rmw::/) or test(/^real_ros2::$rmw::/) or $ours))"
+        or (package(wrapyfi_e2e) and ($real or $ours))"
     [ "$rmw" != rmw_cyclonedds_cpp ] || only="$only or (package(wrapyfi_e2e) and ($peers))"
     router=()
     if [ "$rmw" = rmw_zenoh_cpp ]; then
         only="($only) and not (package(wrapyfi_e2e) and ($on_dds))"
         router=(bash -c "$routed" bash "$prefix/lib/rmw_zenoh_cpp/rmw_zenohd")
     fi
-    WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_REQUIRE_ROS2=1 WRAPYFI_ROS2_GRAPH=rmw WRAPYFI_TEST_RMW=$rmw RMW_IMPLEMENTATION=$rmw \
+    WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_REQUIRE_ROS2=$required WRAPYFI_ROS2_GRAPH=rmw WRAPYFI_TEST_RMW=$rmw RMW_IMPLEMENTATION=$rmw \
         scripts/lo-namespace.sh "${router[@]}" cargo nextest run "${build[@]}" -E "$only" \
         --status-level fail --final-status-level slow
 done

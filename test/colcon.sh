@@ -59,6 +59,12 @@ for place in "$workspace" "$tree"; do
     [ "$found" = "$packages" ] || fail "colcon list in $place names [${found//$'\n'/ }] instead of [${packages//$'\n'/ }]"
 done
 
+# colcon-cargo asks the Cargo workspace for its members, wherever they lie, and would build each in a folder of its own.
+for member in $(sed -n '/^members = \[/,/^\]/p' "$tree/Cargo.toml" | grep -o '"[^"]*"' | tr -d '"'); do
+    [ -e "$tree/$member/package.xml" ] || [ -e "$tree/$member/COLCON_IGNORE" ] ||
+        fail "$member has neither package.xml nor COLCON_IGNORE: with colcon-cargo, colcon takes it for a package"
+done
+
 step="versions"
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$tree/Cargo.toml")
 for package in $packages; do
@@ -150,21 +156,31 @@ commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/versioned/CMakeFiles
 step="what is compiled where an rmw is sourced"
 sourced=$workspace/sourced
 mkdir -p "$sourced"/{include/rmw/rmw,lib}
-touch "$sourced"/include/rmw/rmw/rmw.h "$sourced"/lib/lib{rmw_implementation,fastcdr}.so
-for choice in "" -DWRAPYFI_RMW=OFF; do
+touch "$sourced"/include/rmw/rmw/rmw.h "$sourced"/lib/libfastcdr.so
+for choice in none one loader off; do
+    option=
+    case $choice in
+    one) touch "$sourced/lib/librmw_fastrtps_cpp.so" ;; # as the wheels of Kilted have it
+    loader) mv "$sourced"/lib/librmw_{fastrtps_cpp,implementation}.so ;;
+    off) option=-DWRAPYFI_RMW=OFF ;;
+    esac
     (
         set +u
         . install/local_setup.sh
-        AMENT_PREFIX_PATH=$AMENT_PREFIX_PATH:$sourced cmake -S "$tree/wrapyfi_bridge" -B "$workspace/untested/rmw$choice" \
-            -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" $choice
-    ) >>"$log" 2>&1 || fail "wrapyfi_bridge does not configure where an rmw is sourced"
-    commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/rmw$choice/CMakeFiles")
+        AMENT_PREFIX_PATH=$AMENT_PREFIX_PATH:$sourced cmake -S "$tree/wrapyfi_bridge" -B "$workspace/untested/rmw-$choice" \
+            -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" $option
+    ) >>"$log" 2>&1 || fail "wrapyfi_bridge does not configure where an rmw is sourced ($choice)"
+    commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/rmw-$choice/CMakeFiles")
     case $choice:$commands in
-    :*WRAPYFI_RMW_PREFIX_PATH=*"$sourced"*--no-default-features*wrapyfi_bridge/rmw*) ;;
-    -*wrapyfi_bridge/rmw*) fail "-DWRAPYFI_RMW=OFF is built with rmw: $commands" ;;
-    :*) fail "an rmw is sourced and not used: $commands" ;;
+    one:*WRAPYFI_RMW_PREFIX_PATH=*"$sourced"*--no-default-features*wrapyfi_bridge/rmw*) ;;
+    loader:*WRAPYFI_RMW_PREFIX_PATH=*"$sourced"*--no-default-features*wrapyfi_bridge/rmw*) ;;
+    off:*wrapyfi_bridge/rmw*) fail "-DWRAPYFI_RMW=OFF is built with rmw: $commands" ;;
+    one:* | loader:*) fail "an rmw is sourced and not used ($choice): $commands" ;;
+    none:*wrapyfi_bridge/rmw*) [ -n "${ROS_DISTRO:-}" ] || fail "there is no middleware, and rmw is built: $commands" ;;
     esac
 done
+[ -n "${ROS_DISTRO:-}" ] || grep -q 'CycloneDDS inside alone, because .*lib/librmw_implementation.so or lib/librmw_fastrtps_cpp.so' "$log" ||
+    fail "no line says which library a build with rmw would need"
 
 step="installed files"
 core=$workspace/install/wrapyfi_core/share

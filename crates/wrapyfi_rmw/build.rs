@@ -63,7 +63,12 @@ mod installed {
         println!("cargo:rustc-link-search=native={}", out.display());
         let loads = "rmw_implementation";
         let is_there = |rmw: &&str| find(&format!("lib/lib{rmw}.so")).is_some();
-        let rmw = [loads].into_iter().chain(RMWS).find(is_there).unwrap_or(loads);
+        let Some(rmw) = [loads].into_iter().chain(RMWS).find(is_there) else {
+            panic!(
+                "no lib/lib{loads}.so under {path:?} (AMENT_PREFIX_PATH), and no lib/lib….so of {RMWS:?}: \
+                 source a ROS 2 that has ros-base"
+            );
+        };
         if rmw != loads {
             println!("cargo:rustc-env=WRAPYFI_RMW_ONLY={rmw}");
         }
