@@ -13,7 +13,7 @@
 //! * [`recording`][]: MCAP files as `ros2 bag` writes them.
 //! * [`convert`][]: one into the other.
 //!
-//! Memory stays that of one message and one chunk, whatever the size of a file. Sizes that a file claims are compared with a
+//! Memory stays that of some messages and some chunks, whatever the size of a file. Sizes that a file claims are compared with a
 //! limit, and with the bytes that are there, before memory is taken for them.
 
 mod conversion;

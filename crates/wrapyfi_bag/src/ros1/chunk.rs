@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   none   read from the file as the records are wanted
-//!   bz2 ─┐ bytes of the file, bounded by it ─▶ unpacked as the records are wanted, at most the size that the
-//!   lz4 ─┘                                     chunk claims
+//!   bz2 ─┐ bytes of the file, bounded by it ─▶ unpacked ahead, else as the records are wanted: at most the size that
+//!   lz4 ─┘                                     the chunk claims
 //! ```
 
 use std::fmt;
@@ -18,27 +18,46 @@ use super::input::{Input, Stop};
 /// Bytes that are thrown away at once.
 const SKIP: u64 = 64 * 1024;
 
+/// Compression of a packed chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Compression {
+    Bz2,
+    Lz4,
+}
+
+impl Compression {
+    /// Compression by the name that a chunk has for it.
+    pub(super) fn named(name: &[u8]) -> Option<Self> {
+        match name {
+            b"bz2" => Some(Self::Bz2),
+            b"lz4" => Some(Self::Lz4),
+            _ => None,
+        }
+    }
+}
+
 /// Bytes that come out of a packed chunk.
 pub(super) enum Unpacked {
     Bz2(Box<BzDecoder<Cursor<Vec<u8>>>>),
     Lz4(Box<FrameDecoder<Cursor<Vec<u8>>>>),
+    /// All of them: they were unpacked ahead.
+    Records(Cursor<Vec<u8>>),
 }
 
 impl Unpacked {
-    /// Decoder by the name that a chunk has for it; none for `none`.
-    pub(super) fn new(compression: &[u8], packed: Vec<u8>) -> Option<Self> {
+    pub(super) fn new(compression: Compression, packed: Vec<u8>) -> Self {
         match compression {
-            b"bz2" => Some(Self::Bz2(Box::new(BzDecoder::new(Cursor::new(packed))))),
-            b"lz4" => Some(Self::Lz4(Box::new(FrameDecoder::new(Cursor::new(packed))))),
-            _ => None,
+            Compression::Bz2 => Self::Bz2(Box::new(BzDecoder::new(Cursor::new(packed)))),
+            Compression::Lz4 => Self::Lz4(Box::new(FrameDecoder::new(Cursor::new(packed)))),
         }
     }
 
-    /// Memory of the packed bytes, to be used again.
-    pub(super) fn into_packed(self) -> Vec<u8> {
+    /// Memory of the bytes that it was made of, to be used again.
+    pub(super) fn into_memory(self) -> Vec<u8> {
         match self {
             Self::Bz2(decoder) => decoder.into_inner().into_inner(),
             Self::Lz4(decoder) => decoder.into_inner().into_inner(),
+            Self::Records(records) => records.into_inner(),
         }
     }
 }
@@ -48,6 +67,7 @@ impl Read for Unpacked {
         match self {
             Self::Bz2(decoder) => decoder.read(into),
             Self::Lz4(decoder) => decoder.read(into),
+            Self::Records(records) => records.read(into),
         }
     }
 }
@@ -57,6 +77,7 @@ impl fmt::Debug for Unpacked {
         f.write_str(match self {
             Self::Bz2(_) => "Bz2",
             Self::Lz4(_) => "Lz4",
+            Self::Records(_) => "Records",
         })
     }
 }

@@ -2,8 +2,12 @@
 
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
-use super::error::Fault;
+use super::error::{Fault, OpenError};
 
+/// First line of a bag.
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+/// First bytes of an MCAP file.
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// Bytes that are read ahead.
 const BUFFER: usize = 256 * 1024;
 
@@ -93,4 +97,27 @@ impl<R: Read + Seek> Input<R> {
         let missing = into.len().saturating_sub(filled) as u64;
         if missing == 0 { Ok(()) } else { Err(Fault::Short { missing }.into()) }
     }
+}
+
+/// Reads the first line, and refuses a file that is no bag.
+pub(super) fn check_magic<R: Read + Seek>(input: &mut Input<R>) -> Result<(), OpenError> {
+    let mut begin = [0; MAGIC.len()];
+    let count = input.read_some(&mut begin)?;
+    let begin = begin.get(..count).unwrap_or_default();
+    if begin == MAGIC {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(begin);
+    if let Some(version) = text.strip_prefix("#ROSBAG V") {
+        return Err(OpenError::Version { version: version.trim_end().to_owned() });
+    }
+    let hint = match begin {
+        [] => ": it is empty",
+        _ if begin.starts_with(MCAP_MAGIC) => ": it is an MCAP file already",
+        _ if begin.starts_with(b"SQLite") => {
+            ": it is a database, as `ros2 bag` writes with sqlite3"
+        }
+        _ => "",
+    };
+    Err(OpenError::Magic { begin: text.into_owned(), hint })
 }

@@ -13,7 +13,9 @@
 //! missing. A bag without it, such as one whose recording was killed, is read all the same. Where a record is broken, reading
 //! goes on at the next chunk there is, and the [`Damage`] has each place.
 
+mod ahead;
 mod chunk;
+mod connection;
 mod error;
 mod input;
 mod reader;
@@ -24,5 +26,6 @@ mod tests;
 #[cfg(test)]
 pub(crate) mod writing;
 
+pub use connection::Connection;
 pub use error::{Damage, Fault, OpenError, ReadError};
-pub use reader::{BagReader, Connection, Limits, Message};
+pub use reader::{BagReader, Limits, Message};

@@ -8,17 +8,15 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::io::{Read, Seek};
+use std::io::{self, Read, Seek};
 
-use super::chunk::{Chunk, Unpacked};
+use super::ahead::{Ahead, Packed};
+use super::chunk::{Chunk, Compression, Unpacked};
+use super::connection::Connection;
 use super::error::{Damage, Fault, OpenError, ReadError};
-use super::input::{Input, Stop};
-use super::record::{Header, fields, op};
+use super::input::{Input, Stop, check_magic};
+use super::record::{Header, op};
 
-/// First line of a bag.
-const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// First bytes of an MCAP file.
-const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// Largest header of a record: that of a connection has the name of a topic.
 const MAX_HEADER: u32 = 64 * 1024;
 /// Largest data of a connection: its definition, and the names around it.
@@ -29,6 +27,8 @@ const MAX_CONNECTIONS: usize = 65_536;
 const CHUNK_OP: &[u8] = b"\x04\0\0\0op=\x05";
 /// Largest distance of that field from the begin of the header that has it: `compression=none` and `size` before it.
 const MOST_BEFORE_OP: usize = 96;
+/// Largest name of a compression that is told.
+const MAX_NAME: usize = 32;
 /// Bytes that are searched at once.
 const SEARCHED: usize = 1 << 20;
 
@@ -45,47 +45,6 @@ impl Default for Limits {
     /// 256 MiB for a message, 1 GiB for a packed chunk.
     fn default() -> Self {
         Self { message_bytes: 256 << 20, chunk_bytes: 1 << 30 }
-    }
-}
-
-/// A publisher of a topic, as the recording met it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Connection {
-    /// Number in the bag.
-    pub id: u32,
-    /// Topic, as the bag has it.
-    pub topic: String,
-    /// Type, for instance `sensor_msgs/Image`.
-    pub type_name: String,
-    /// Checksum of the type.
-    pub md5sum: String,
-    /// Definition of the type, with all it refers to.
-    pub definition: String,
-    /// Node that published, where the bag says so.
-    pub caller: Option<String>,
-    /// True where the publisher keeps its last message for those who come late.
-    pub latching: bool,
-}
-
-impl Connection {
-    /// Reads the fields that stand in the data of a connection's record.
-    fn read(id: u32, topic: String, data: &[u8]) -> Result<Self, Fault> {
-        let (type_name, md5sum, definition) = Default::default();
-        let mut connection =
-            Self { id, topic, type_name, md5sum, definition, caller: None, latching: false };
-        for field in fields(data) {
-            let (name, value) = field?;
-            let text = || String::from_utf8_lossy(value).into_owned();
-            match name {
-                b"type" => connection.type_name = text(),
-                b"md5sum" => connection.md5sum = text(),
-                b"message_definition" => connection.definition = text(),
-                b"callerid" => connection.caller = Some(text()),
-                b"latching" => connection.latching = value == b"1",
-                _ => {}
-            }
-        }
-        Ok(connection)
     }
 }
 
@@ -125,10 +84,11 @@ pub struct BagReader<R> {
     damage: Damage,
     /// Messages that the index knows; none without an index.
     indexed_messages: Option<u64>,
-    /// Memory of headers, of messages and of packed chunks, used again and again.
+    /// Packed chunks that reading has not come to yet.
+    ahead: Ahead,
+    /// Memory of headers and of messages, used again and again.
     header: Vec<u8>,
     body: Vec<u8>,
-    packed: Vec<u8>,
     /// Bytes of `body` that are the last message.
     message_size: usize,
 }
@@ -155,9 +115,9 @@ impl<R: Read + Seek> BagReader<R> {
             connections: BTreeMap::new(),
             damage: Damage::default(),
             indexed_messages: None,
+            ahead: Ahead::new(),
             header: Vec::new(),
             body: Vec::new(),
-            packed: Vec::new(),
             message_size: 0,
         };
         let begin = reader.input.at();
@@ -387,41 +347,102 @@ impl<R: Read + Seek> BagReader<R> {
         let (Some(compression), Some(claimed)) = (header.compression, header.size) else {
             return Err(Fault::Header("a chunk does not say how it is packed").into());
         };
-        let (compression, claimed) = (compression.to_vec(), u64::from(claimed));
+        let name = compression.get(..MAX_NAME).unwrap_or(compression).to_vec();
+        let claimed = u64::from(claimed);
         let limit = self.limits.chunk_bytes;
         let size = u64::from(self.data_size()?);
         let begin = self.input.at();
-        let (size, claimed) = match (size, compression.as_slice()) {
+        let packed = Compression::named(&name);
+        let (size, claimed) = match packed {
             // The recording was killed before it wrote the sizes: its records are in the rest of the file. Those of a chunk
             // that is not packed are read as records of the file.
-            (0, b"bz2" | b"lz4") if claimed == 0 => (self.input.left().min(limit), limit),
+            Some(_) if (size, claimed) == (0, 0) => (self.input.left().min(limit), limit),
             _ => (size, claimed),
         };
         let end = begin.saturating_add(size);
-        let (left, unpacked) = match compression.as_slice() {
-            b"none" => (size, None),
-            b"bz2" | b"lz4" if claimed.max(size) > limit => {
-                self.input.go_to(end)?;
-                self.damage.note(begin, Fault::ChunkSize { packed: size, claimed, limit });
-                return Ok(());
-            }
-            b"bz2" | b"lz4" => {
-                // What is missing at the end of the file shows where the unpacked bytes end.
-                let size = size.min(self.input.left());
-                let mut packed = std::mem::take(&mut self.packed);
-                packed.resize(usize::try_from(size).unwrap_or_default(), 0);
-                self.input.fill(&mut packed)?;
-                (claimed, Unpacked::new(&compression, packed))
-            }
-            other => {
-                let name = String::from_utf8_lossy(other.get(..32).unwrap_or(other)).into_owned();
+        let (left, unpacked) = match packed {
+            None if name == b"none" => (size, None),
+            None => {
+                let name = String::from_utf8_lossy(&name).into_owned();
                 self.input.go_to(end)?;
                 self.damage.note(begin, Fault::Compression(name));
                 return Ok(());
             }
+            Some(_) if claimed.max(size) > limit => {
+                self.input.go_to(end)?;
+                self.damage.note(begin, Fault::ChunkSize { packed: size, claimed, limit });
+                return Ok(());
+            }
+            Some(compression) => {
+                let chunk = Packed { begin, size, claimed };
+                let ahead = match compression {
+                    Compression::Bz2 => self.ahead.take(&chunk),
+                    Compression::Lz4 => None,
+                };
+                let unpacked = match ahead {
+                    Some(unpacked) => unpacked,
+                    // What is missing at the end of the file shows where the unpacked bytes end.
+                    None => Unpacked::new(compression, self.packed(size.min(self.input.left()))?),
+                };
+                self.input.go_to(end)?;
+                if compression == Compression::Bz2 {
+                    self.look_ahead(end)?;
+                }
+                (claimed, Some(unpacked))
+            }
         };
         self.chunk = Some(Chunk { begin, end, claimed, left, unpacked });
         Ok(())
+    }
+
+    /// Has chunks behind `end`, where the file stands, unpacked, if some more are wanted.
+    fn look_ahead(&mut self, end: u64) -> io::Result<()> {
+        let Some(from) = self.ahead.wants_from(end) else { return Ok(()) };
+        // A fault there is met again when reading comes to it.
+        if self.give_ahead(from).is_err() {
+            self.ahead.stop_at(self.input.at());
+        }
+        self.input.go_to(end)
+    }
+
+    /// Reads the next bytes of the file into memory of a chunk.
+    fn packed(&mut self, size: u64) -> Result<Vec<u8>, Stop> {
+        let mut packed = self.ahead.memory();
+        packed.resize(usize::try_from(size).unwrap_or_default(), 0);
+        self.input.fill(&mut packed)?;
+        Ok(packed)
+    }
+
+    /// Has the chunks from an offset on unpacked, up to the first record that is neither one packed by bz2 nor its index.
+    fn give_ahead(&mut self, from: u64) -> Result<(), Stop> {
+        self.input.go_to(from)?;
+        loop {
+            let at = self.input.at();
+            self.read_header_of_file()?;
+            let header = Header::parse(&self.header)?;
+            let is_bz2 = header.compression.and_then(Compression::named) == Some(Compression::Bz2);
+            let (op, claimed) = (header.op, header.size.filter(|_| is_bz2));
+            let size = u64::from(self.data_size()?);
+            self.check_left(size)?;
+            let begin = self.input.at();
+            match (op, claimed) {
+                (op::INDEX, _) => self.skip(size)?,
+                (op::CHUNK, Some(claimed)) => {
+                    let chunk = Packed { begin, size, claimed: u64::from(claimed) };
+                    if !self.ahead.takes(&chunk) || chunk.claimed > self.limits.chunk_bytes {
+                        return Ok(());
+                    }
+                    let packed = self.packed(size)?;
+                    if !self.ahead.give(chunk, packed) {
+                        return Ok(());
+                    }
+                }
+                _ => {
+                    self.ahead.stop_at(at);
+                    return Ok(());
+                }
+            }
+        }
     }
 
     /// Goes behind the chunk. Where no record stands behind a packed one, its size was a lie, and the next chunk may begin within
@@ -429,7 +450,7 @@ impl<R: Read + Seek> BagReader<R> {
     fn leave_chunk(&mut self) -> Result<(), Stop> {
         let Some(chunk) = self.chunk.take() else { return Ok(()) };
         let Some(unpacked) = chunk.unpacked else { return Ok(self.input.go_to(chunk.end)?) };
-        self.packed = unpacked.into_packed();
+        self.ahead.keep(unpacked.into_memory());
         if !self.stands_record_at(chunk.end)? {
             self.damage.note(chunk.end, Fault::Header("no record stands behind a chunk"));
             let found = self.next_chunk(chunk.begin)?;
@@ -441,7 +462,7 @@ impl<R: Read + Seek> BagReader<R> {
 
     /// Goes on behind a fault in the record at `at`: where the chunk ends, if a record stands there; else where the next
     /// chunk begins.
-    fn go_on_behind(&mut self, at: u64) -> std::io::Result<()> {
+    fn go_on_behind(&mut self, at: u64) -> io::Result<()> {
         // A fault at the very end of a chunk has left it already.
         if self.chunk.is_none() && self.input.at() > at && self.stands_record_at(self.input.at())? {
             return Ok(());
@@ -450,7 +471,7 @@ impl<R: Read + Seek> BagReader<R> {
         if let Some(chunk) = self.chunk.take() {
             from = at.max(chunk.begin);
             if let Some(unpacked) = chunk.unpacked {
-                self.packed = unpacked.into_packed();
+                self.ahead.keep(unpacked.into_memory());
             }
             if chunk.end <= self.input.size() && self.stands_record_at(chunk.end)? {
                 self.skipped(at, chunk.end);
@@ -469,7 +490,7 @@ impl<R: Read + Seek> BagReader<R> {
     }
 
     /// True where the header of a record, or the end of the file, stands at an offset. The position moves.
-    fn stands_record_at(&mut self, at: u64) -> std::io::Result<bool> {
+    fn stands_record_at(&mut self, at: u64) -> io::Result<bool> {
         self.input.go_to(at)?;
         if self.input.left() == 0 {
             return Ok(at == self.input.size());
@@ -485,7 +506,7 @@ impl<R: Read + Seek> BagReader<R> {
     }
 
     /// Offset from `from` on at which a chunk begins, or the end of the file.
-    fn next_chunk(&mut self, from: u64) -> std::io::Result<u64> {
+    fn next_chunk(&mut self, from: u64) -> io::Result<u64> {
         let mut window = vec![0; SEARCHED];
         let mut begin = from;
         loop {
@@ -586,26 +607,4 @@ fn is_chunk_header(bytes: &[u8]) -> bool {
     let header = rest.get(..size).filter(|header| header.len() <= MOST_BEFORE_OP);
     let header = header.and_then(|header| Header::parse(header).ok());
     header.is_some_and(|it| it.op == op::CHUNK && it.compression.is_some() && it.size.is_some())
-}
-
-fn check_magic<R: Read + Seek>(input: &mut Input<R>) -> Result<(), OpenError> {
-    let mut begin = [0; MAGIC.len()];
-    let count = input.read_some(&mut begin)?;
-    let begin = begin.get(..count).unwrap_or_default();
-    if begin == MAGIC {
-        return Ok(());
-    }
-    let text = String::from_utf8_lossy(begin);
-    if let Some(version) = text.strip_prefix("#ROSBAG V") {
-        return Err(OpenError::Version { version: version.trim_end().to_owned() });
-    }
-    let hint = match begin {
-        [] => ": it is empty",
-        _ if begin.starts_with(MCAP_MAGIC) => ": it is an MCAP file already",
-        _ if begin.starts_with(b"SQLite") => {
-            ": it is a database, as `ros2 bag` writes with sqlite3"
-        }
-        _ => "",
-    };
-    Err(OpenError::Magic { begin: text.into_owned(), hint })
 }

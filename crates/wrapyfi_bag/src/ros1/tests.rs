@@ -181,6 +181,42 @@ fn what_claims_too_much_is_passed_over() {
     assert_eq!((damage.count, &damage.places[0].1), (2, &Fault::NoConnection(0)));
 }
 
+/// Chunks behind the first one packed by bz2 are unpacked ahead, by other threads.
+#[test]
+fn chunks_that_lie_among_others_cost_no_message_of_these() {
+    let good = |numbers| chunk("bz2", &messages(numbers));
+    let first = chunk("bz2", &[connection(0, "/a", "uint32 number"), messages(0..10)].concat());
+    let records = messages(100..200);
+    let bytes = pack("bz2", &records);
+    let mut broken = bytes.clone();
+    let middle = broken.len() / 2;
+    broken[middle] ^= 0x55;
+    let bomb = pack("bz2", &message(0, 0, &vec![0; 8 << 20]));
+    let index = record(&[("op", &[4]), ("count", &0_u32.to_le_bytes())], b"");
+    for (lie, lying, whole) in [
+        ("nothing", packed("bz2", records.len(), &bytes), 100),
+        ("it goes on", packed("bz2", records.len() / 2, &bytes), 50),
+        ("it ends early", packed("bz2", records.len() + 9, &bytes), 100),
+        ("it is a bomb", packed("bz2", 1000, &bomb), 0),
+        ("it claims a bomb", packed("bz2", 64 << 20, &bytes), 0),
+        ("it is broken", packed("bz2", records.len(), &broken), 0),
+        ("it is of lz4", packed("bz2", records.len(), &pack("lz4", &records)), 0),
+        ("it is empty", packed("bz2", records.len(), b""), 0),
+        ("it is not packed", chunk("none", &records), 100),
+        ("it is packed by lz4", chunk("lz4", &records), 100),
+    ] {
+        let behind = (2..40).map(|ten| [good(ten * 10..ten * 10 + 10), index.clone()].concat());
+        let behind = behind.collect::<Vec<_>>().concat();
+        let bag = [&begin(0)[..], &first, &index, &good(10..20), &lying, &behind].concat();
+        let (found, damage) = read(bag);
+        assert!(found.starts_with(&numbers(0..20)), "{lie}: {found:?}");
+        assert!(found.ends_with(&numbers(20..400)), "{lie}: {found:?}");
+        assert_eq!(found.len(), 400 + whole, "{lie}: {damage}");
+        let is_true = ["nothing", "it is not packed", "it is packed by lz4"].contains(&lie);
+        assert_eq!(damage.is_none(), is_true, "{lie}: {damage}");
+    }
+}
+
 #[test]
 fn what_is_no_bag_is_told() {
     let error = |bytes: &[u8]| {
