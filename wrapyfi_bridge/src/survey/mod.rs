@@ -61,13 +61,16 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     write(&args.output, &report::report(&facts, &name(&routes_file)))?;
     write(&routes_file, &routes::routes(&facts, &name(&args.output)))?;
     damage.iter().try_for_each(|line| output::line(line))?;
+    let [topics, services, actions] =
+        Interaction::ALL.map(|interaction| facts.own(interaction).count());
+    let offered = match facts.is_bag {
+        true => String::new(),
+        false => format!(", {services} services, {actions} actions"),
+    };
     output::line(&format!(
-        "{}: {} nodes, {} topics, {} services, {} actions; routes to start from: {}",
+        "{}: {} nodes, {topics} topics{offered}; routes to start from: {}",
         args.output.display(),
         facts.nodes().len(),
-        facts.own(Interaction::Topic).count(),
-        facts.own(Interaction::Service).count(),
-        facts.own(Interaction::Action).count(),
         routes_file.display()
     ))?;
     if damage.is_empty() { Ok(()) } else { Err(Failure::Found) }

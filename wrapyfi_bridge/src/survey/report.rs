@@ -60,14 +60,20 @@ fn head(text: &mut String, facts: &Facts, routes: &str) {
             "no ROS 2 is sourced here: types of the packages that every ROS has count as known"
         }
     };
+    let (of, nodes) = (escaped(&facts.of), facts.nodes().len());
+    let found = match facts.is_bag {
+        true => format!(
+            "{topics} topics of {nodes} nodes. A bag tells neither who hears them nor services, actions and parameters"
+        ),
+        false => format!(
+            "{topics} topics, {services} services, {actions} actions and {} parameters of {nodes} nodes",
+            facts.parameters.len()
+        ),
+    };
     let _infallible = writeln!(
         text,
-        "# Survey of {}\n\n\
-         {topics} topics, {services} services, {actions} actions and {} parameters of {} nodes. {measured}; {types}. \
-         The routes of `{routes}` carry what is here: `wrapyfi check {routes}`, `wrapyfi bridge --config {routes}`.\n",
-        escaped(&facts.of),
-        facts.parameters.len(),
-        facts.nodes().len(),
+        "# Survey of {of}\n\n{found}. {measured}; {types}. The routes of `{routes}` carry what is here: \
+         `wrapyfi check {routes}`, `wrapyfi bridge --config {routes}`.\n",
     );
 }
 
@@ -103,7 +109,11 @@ fn heed(text: &mut String, facts: &Facts) {
             match types.iter().all(|name| is_common(name)) {
                 true => "install it".to_owned(),
                 false => format!(
-                    "install it, or write it with `wrapyfi export ros: --package {package}`"
+                    "install it, or write it with `wrapyfi export ros: --package {package}`{}",
+                    match facts.is_bag {
+                        true => ", while its nodes run or `wrapyfi play --to ros:` plays the bag",
+                        false => "",
+                    }
                 ),
             }
         ));
@@ -145,6 +155,7 @@ fn size(bytes: f64) -> String {
 
 fn topics(text: &mut String, facts: &Facts) {
     section(text, "Topics");
+    let is_heard = !facts.is_bag;
     let rows = facts.own(Interaction::Topic).map(|entry| {
         let [rate, each, each_second] = match entry.traffic {
             None => ["–", "–", "–"].map(str::to_owned),
@@ -155,22 +166,15 @@ fn topics(text: &mut String, facts: &Facts) {
             ],
         };
         let latched = if entry.is_latched { "yes" } else { "" };
-        let cells = [&entry.name, &kind_of(entry), &names(&entry.providers), &names(&entry.takers)];
-        let cells = cells.into_iter().cloned();
+        let ends = [Some(names(&entry.providers)), is_heard.then(|| names(&entry.takers))];
+        let cells =
+            [entry.name.clone(), kind_of(entry)].into_iter().chain(ends.into_iter().flatten());
         cells.chain([rate, each, each_second, latched.to_owned(), entry.qos()]).collect()
     });
-    let heads = [
-        "Topic",
-        "Type",
-        "Publishers",
-        "Subscribers",
-        "Hz",
-        "Message",
-        "Data",
-        "Latched",
-        "Quality of service on ROS 2",
-    ];
-    table(text, &heads, rows);
+    let ends = [Some("Publishers"), is_heard.then_some("Subscribers")];
+    let heads = ["Topic", "Type"].into_iter().chain(ends.into_iter().flatten());
+    let measured = ["Hz", "Message", "Data", "Latched", "Quality of service on ROS 2"];
+    table(text, &heads.chain(measured).collect::<Vec<_>>(), rows);
 }
 
 fn offered(text: &mut String, facts: &Facts, interaction: Interaction, title: &str, role: &str) {
@@ -226,10 +230,14 @@ fn nodes(text: &mut String, facts: &Facts) {
     // Those on which the least hangs move first.
     nodes.sort_by_key(|(name, counts)| (counts.iter().sum::<usize>(), *name));
     text.push_str("Those with the fewest connections first: they are the easiest to move.\n\n");
+    let heads = ["Node", "Publishes", "Hears", "Services", "Actions"];
+    // A bag tells what nodes published, and no more.
+    let heads = heads.get(..2).filter(|_| facts.is_bag).unwrap_or(&heads);
     let rows = nodes.into_iter().map(|(name, counts)| {
-        std::iter::once(name.to_owned()).chain(counts.map(|it| it.to_string())).collect()
+        let counts = counts.iter().map(ToString::to_string);
+        std::iter::once(name.to_owned()).chain(counts).take(heads.len()).collect()
     });
-    table(text, &["Node", "Publishes", "Hears", "Services", "Actions"], rows);
+    table(text, heads, rows);
 }
 
 #[cfg(test)]

@@ -24,11 +24,14 @@ pub(super) fn routes(facts: &Facts, report: &str) -> String {
     }
     text.push_str("routes:\n");
     let taken = facts.taken_names();
+    let of_topics = match facts.is_bag {
+        true => {
+            "Topics. A bag does not tell who hears them: what nodes on ROS 1 hear needs a line with both sides exchanged when its publisher has moved"
+        }
+        false => "Topics; the second line is for the time when their publisher has moved",
+    };
     for (interaction, title) in [
-        (
-            Interaction::Topic,
-            "Topics; the second line is for the time when their publisher has moved",
-        ),
+        (Interaction::Topic, of_topics),
         (Interaction::Service, "Services"),
         (Interaction::Action, "Actions"),
     ] {
