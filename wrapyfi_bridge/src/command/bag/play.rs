@@ -21,7 +21,7 @@ use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
 use wrapyfi_ros1::Ros1;
 
-use super::source::{Played, PlayedTopic, Ros1Type, Source};
+use super::source::{LeftOut, Played, PlayedTopic, Ros1Type, Source};
 use crate::bag_cli::PlayArgs;
 use crate::exit::{Failure, Result};
 use crate::middlewares::{Endpoints, check_topic, for_endpoint, is_ros, ros1_observer};
@@ -125,7 +125,7 @@ impl<'a> Player<'a> {
     }
 
     /// Opens publishers for the topics of the source that have none yet.
-    fn open_new(&mut self, topics: &[Result<PlayedTopic, String>]) -> Result<()> {
+    fn open_new(&mut self, topics: &[Result<PlayedTopic, LeftOut>]) -> Result<()> {
         for topic in topics.iter().skip(self.voices.len()) {
             let voice = match topic {
                 Err(why) => {
@@ -163,13 +163,11 @@ impl<'a> Player<'a> {
     }
 
     /// Refuses names that the recording has not, or that cannot be played.
-    fn check_wanted(&self, topics: &[Result<PlayedTopic, String>]) -> Result<()> {
+    fn check_wanted(&self, topics: &[Result<PlayedTopic, LeftOut>]) -> Result<()> {
         let file = self.args.file.display();
-        let left_out = topics.iter().filter_map(|topic| topic.as_ref().err());
-        for why in left_out {
-            if why.split_once(": ").is_some_and(|(name, _)| self.wanted.contains(name)) {
-                return Err(Failure::Usage(format!("{file}: {why}")));
-            }
+        let mut left_out = topics.iter().filter_map(|topic| topic.as_ref().err());
+        if let Some(why) = left_out.find(|topic| self.wanted.contains(&topic.name)) {
+            return Err(Failure::Usage(format!("{file}: {why}")));
         }
         let mut missing = self.wanted.iter().filter(|name| !self.names.contains(name));
         match missing.next() {

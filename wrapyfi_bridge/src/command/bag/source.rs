@@ -40,6 +40,14 @@ pub(super) struct PlayedTopic {
     pub(super) of_ros1: Option<Ros1Type>,
 }
 
+/// A topic of a recording that cannot be published.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name}: {why}")]
+pub(super) struct LeftOut {
+    pub(super) name: String,
+    why: String,
+}
+
 /// Type of a topic in a bag of ROS 1.
 #[derive(Debug, Clone)]
 pub(super) struct Ros1Type {
@@ -58,8 +66,8 @@ pub(super) struct Played {
 
 /// A recording that is being played.
 pub(super) struct Source {
-    /// Topics that are known, or why one cannot be published.
-    topics: Vec<Result<PlayedTopic, String>>,
+    /// Topics that are known.
+    topics: Vec<Result<PlayedTopic, LeftOut>>,
     kind: Kind,
 }
 
@@ -115,7 +123,7 @@ impl Source {
     }
 
     /// Topics that are known so far: all of a recording with an index.
-    pub(super) fn topics(&self) -> &[Result<PlayedTopic, String>] {
+    pub(super) fn topics(&self) -> &[Result<PlayedTopic, LeftOut>] {
         &self.topics
     }
 
@@ -198,7 +206,7 @@ fn take_connections(
     bag: &BagReader<File>,
     conversion: &mut Conversion,
     indices: &mut BTreeMap<u32, usize>,
-    topics: &mut Vec<Result<PlayedTopic, String>>,
+    topics: &mut Vec<Result<PlayedTopic, LeftOut>>,
 ) {
     let connections = bag.connections();
     conversion.take_up(connections.values());
@@ -216,17 +224,17 @@ fn take_connections(
             let of_ros1 = Some(Ros1Type { name: type_name, md5sum, definition });
             Ok(PlayedTopic { name: target.topic.clone(), ros_type, qos, of_ros1 })
         });
-        let topic = topic.map_err(|why| format!("{}: {why}", connection.topic));
+        let topic = topic.map_err(|why| LeftOut { name: connection.topic.clone(), why });
         indices.insert(*id, place(topics, topic));
     }
 }
 
 /// Place of a topic, which is added where it is none of those that are known.
 fn place(
-    topics: &mut Vec<Result<PlayedTopic, String>>,
-    topic: Result<PlayedTopic, String>,
+    topics: &mut Vec<Result<PlayedTopic, LeftOut>>,
+    topic: Result<PlayedTopic, LeftOut>,
 ) -> usize {
-    let is_same = |one: &Result<PlayedTopic, String>| match (one, &topic) {
+    let is_same = |one: &Result<PlayedTopic, LeftOut>| match (one, &topic) {
         (Ok(one), Ok(topic)) => (&one.name, one.ros_type) == (&topic.name, topic.ros_type),
         (Err(one), Err(topic)) => one == topic,
         _ => false,
@@ -239,16 +247,17 @@ fn place(
 }
 
 /// A topic of a recording of ROS 2.
-fn recorded(topic: &RecordedTopic) -> Result<PlayedTopic, String> {
+fn recorded(topic: &RecordedTopic) -> Result<PlayedTopic, LeftOut> {
     let RecordedTopic { name, type_name, encoding, definition_encoding, definition, qos, .. } =
         topic;
+    let left_out = |why| LeftOut { name: name.clone(), why };
     if encoding != "cdr" {
-        return Err(format!("{name}: its messages are {encoding:?}, only \"cdr\" can be played"));
+        return Err(left_out(format!("its messages are {encoding:?}, only \"cdr\" can be played")));
     }
     if definition_encoding != "ros2msg" {
-        return Err(format!(
-            "{name}: its type {type_name} is defined by {definition_encoding:?}, only \"ros2msg\" can be read"
-        ));
+        return Err(left_out(format!(
+            "its type {type_name} is defined by {definition_encoding:?}, only \"ros2msg\" can be read"
+        )));
     }
     let resolved = TypeName::parse(Dialect::Ros2, type_name).map_err(|fault| fault.to_string());
     let resolved = resolved.and_then(|parsed| {
@@ -256,7 +265,7 @@ fn recorded(topic: &RecordedTopic) -> Result<PlayedTopic, String> {
             .map_err(|fault| fault.to_string())
     });
     let ros_type = resolved.and_then(|it| RosType::new(&it).map_err(|fault| fault.to_string()));
-    let ros_type = ros_type.map_err(|fault| format!("{name}: {fault}"))?;
+    let ros_type = ros_type.map_err(left_out)?;
     Ok(PlayedTopic { name: name.clone(), ros_type, qos: one_of(qos), of_ros1: None })
 }
 
