@@ -8,7 +8,7 @@
 //! | `ros1` | messages of ROS 1 to CDR and back, beside memcpy of their bytes |
 //! | `dynamic` | one decode of a `JointState` whose type is known at run time only |
 //! | `registered` | a registered method, beside the method itself and beside raw endpoints |
-//! | `typed` | generated structs from one node of ROS 2 to another, beside the endpoints with the same bytes |
+//! | `typed` | generated structs from one node of ROS 2 to another, beside the endpoints with the same bytes and coding alone |
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -63,6 +63,24 @@ struct Estimates {
     median: Median,
 }
 
+/// Sum of what is done one after the other.
+impl std::iter::Sum for Median {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        let none = Bounds { lower_bound: 0.0, upper_bound: 0.0 };
+        all.fold(Self { confidence_interval: none, point_estimate: 0.0 }, |sum, one| {
+            let (before, more) = (&sum.confidence_interval, &one.confidence_interval);
+            let bounds = Bounds {
+                lower_bound: before.lower_bound + more.lower_bound,
+                upper_bound: before.upper_bound + more.upper_bound,
+            };
+            Self {
+                confidence_interval: bounds,
+                point_estimate: sum.point_estimate + one.point_estimate,
+            }
+        })
+    }
+}
+
 /// Messages that are structs.
 const TYPED: [&str; 2] = ["joints", "image 640x480"];
 
@@ -107,9 +125,10 @@ impl Micro {
         self.median(name).map_or(f64::NAN, |median| median.point_estimate / 1e3)
     }
 
-    /// One figure over another.
-    fn ratio(&self, what: String, limit: f64, ours: &str, bound: &str) -> Option<Target> {
-        let (one, other) = (self.median(ours)?, self.median(bound)?);
+    /// One figure over the sum of others.
+    fn ratio(&self, what: String, limit: f64, ours: &str, bounds: &[&str]) -> Option<Target> {
+        let other: Median = bounds.iter().map(|bound| self.median(bound)).sum::<Option<_>>()?;
+        let one = self.median(ours)?;
         let (low, high) = (&one.confidence_interval, &other.confidence_interval);
         let interval = (low.lower_bound / high.upper_bound, low.upper_bound / high.lower_bound);
         let limit = if limit.is_nan() { Shown } else { AtMost(limit) };
@@ -134,7 +153,7 @@ impl Micro {
                 what,
                 limit,
                 &format!("native/{code}"),
-                &format!("native/base64 {code}"),
+                &[&format!("native/base64 {code}")],
             ));
         }
         for ((name, limit), way) in ROS1.iter().flat_map(|it| [(it, "to CDR"), (it, "from CDR")]) {
@@ -143,7 +162,7 @@ impl Micro {
                 what,
                 *limit,
                 &format!("ros1/{name} {way}"),
-                &format!("ros1/{name} memcpy"),
+                &[&format!("ros1/{name} memcpy")],
             ));
         }
         let decode = self.us("dynamic/JointState");
@@ -165,16 +184,14 @@ impl Micro {
         }
         let what =
             "publish and listen of registered methods in memory, against raw endpoints".to_owned();
-        targets.extend(self.ratio(what, f64::NAN, "registered/listen", "registered/raw"));
+        targets.extend(self.ratio(what, f64::NAN, "registered/listen", &["registered/raw"]));
         for name in TYPED {
-            let what =
-                format!("publish and listen of structs on ROS 2, {name}, against raw endpoints");
-            targets.extend(self.ratio(
-                what,
-                1.05,
-                &format!("typed/{name}"),
-                &format!("typed/{name} raw"),
-            ));
+            let [typed, raw, coding] =
+                ["", " raw", " coding"].map(|part| format!("typed/{name}{part}"));
+            let what = format!("publish and listen of structs on ROS 2, {name}, against");
+            targets.extend(self.ratio(format!("{what} raw endpoints"), 1.05, &typed, &[&raw]));
+            let what = format!("{what} raw endpoints and coding alone");
+            targets.extend(self.ratio(what, 1.05, &typed, &[&raw, &coding]));
         }
         targets
     }
@@ -488,7 +505,12 @@ fn there<M: Message>(
             _ = context.wake.wait(Duration::from_secs(1));
         }
     };
-    let raw = Payload::from(RosMessage::of(message)?);
+    let cdr = RosMessage::of(message)?.cdr.to_bytes();
+    time(group, format!("{name} coding"), || {
+        drop(black_box(black_box(message).encode()));
+        M::decode(black_box(&cdr), cdr.len())
+    });
+    let raw = Payload::from(RosMessage::new(RosType::of::<M>()?, cdr.clone()));
     time(group, format!("{name} raw"), || sent(black_box(&raw)));
     time(group, name, || -> Result<M> {
         let Payload::RosMessage(found) = sent(&RosMessage::of(black_box(message))?.into())? else {

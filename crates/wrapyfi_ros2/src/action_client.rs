@@ -175,7 +175,7 @@ impl PartsClient {
         if let Some(goal) = self.goals.get_mut(id) {
             goal.ask_at = None;
         }
-        let request = UUID { uuid: *id }.encode().to_bytes();
+        let request = UUID { uuid: *id }.encode();
         let request = RosMessage::new(self.spec.kind.get_result().request(), request);
         match self.get_result.send(&Request::Message(request), Duration::MAX) {
             Ok(call) => {
@@ -188,7 +188,7 @@ impl PartsClient {
     /// Asks for the end of the goal with this id, or of all goals where it is zero.
     fn ask_to_cancel(&mut self, uuid: GoalId) -> Result<Ticket, CallError> {
         let goal_info = GoalInfo { goal_id: UUID { uuid }, ..GoalInfo::default() };
-        let request = CancelGoal_Request { goal_info }.encode().to_bytes();
+        let request = CancelGoal_Request { goal_info }.encode();
         let request = RosMessage::new(self.cancel.request(), request);
         self.cancel_goal.send(&Request::Message(request), ServiceSpec::TIMEOUT)
     }

@@ -329,7 +329,7 @@ impl PartsServer {
 
     fn answer_cancel(&mut self, asked: RequestId, return_code: i8, goals_canceling: Vec<GoalInfo>) {
         let response = CancelGoal_Response { return_code, goals_canceling };
-        let message = RosMessage::new(self.cancel.response(), response.encode().to_bytes());
+        let message = RosMessage::new(self.cancel.response(), response.encode());
         if let Err(error) = self.cancel_goal.reply(asked, Ok(message.into())) {
             tracing::debug!(action = self.spec.action, %error, "a cancellation was not answered");
         }
@@ -360,7 +360,7 @@ impl PartsServer {
         let known = self.goals.values().filter(|it| it.status != GoalStatus::STATUS_UNKNOWN);
         let status = |goal: &Goal| GoalStatus { goal_info: goal.info.clone(), status: goal.status };
         let array = GoalStatusArray { status_list: known.map(status).collect() };
-        let message = RosMessage::new(self.states, array.encode().to_bytes());
+        let message = RosMessage::new(self.states, array.encode());
         let Some(topics) = &mut self.topics else { return };
         match topics.status.publish(&message.into()) {
             Ok(_) | Err(PublishError::NoConsumer(_)) => {}

@@ -93,7 +93,7 @@ impl Publisher for OtherNodeEvents {
             ))
         })?;
         let event = ParameterEvent { node: self.node.clone(), ..event };
-        let cdr = event.encode().to_bytes();
+        let cdr = event.encode();
         self.publisher.publish(&RosMessage::new(message.ros_type, cdr).into())
     }
 

@@ -351,7 +351,7 @@ fn meant(title: &str, name: &str, mut all: Vec<RouteInfo>) -> Vec<RouteInfo> {
 }
 
 fn message(ros_type: RosType, message: &impl Message) -> Payload {
-    Payload::RosMessage(RosMessage::new(ros_type, message.encode().to_bytes()))
+    Payload::RosMessage(RosMessage::new(ros_type, message.encode()))
 }
 
 /// Addresses of what the bridge of a node has about itself, but for topics that it shares with other nodes.

@@ -2,12 +2,11 @@
 //!
 //! ```text
 //!   CDR of one middleware ──▶ RosMessage ──▶ CDR of another     nothing is looked into
-//!                              │      ▲
+//!              struct ── of ──▶│      ▲ │─── read ──▶ struct    large `uint8[]` fields are shared
 //!                       fields ▼      │ from_fields
 //!                         DynamicMessage  ◀──▶  Value (dict)    where a native object is wanted
 //! ```
 
-use bytes::Bytes;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader};
 use wrapyfi_interfaces::dynamic::{DynamicMessage, ValueError};
@@ -35,8 +34,8 @@ use super::ros_type::{RosType, RosTypeError};
 pub struct RosMessage {
     /// Type of the message.
     pub ros_type: RosType,
-    /// Encapsulation header (4 bytes) and body.
-    pub cdr: Bytes,
+    /// Encapsulation header (4 bytes) and body; in pieces where the message was made of fields.
+    pub cdr: CdrParts,
 }
 
 /// Error of reading a message as a generated type.
@@ -57,7 +56,7 @@ pub enum ReadError {
 }
 
 impl RosMessage {
-    /// Makes a message of a struct that was generated from its definition.
+    /// Makes a message of a struct that was generated from its definition. Large `uint8[]` fields are shared with it.
     ///
     /// ```
     /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
@@ -72,7 +71,7 @@ impl RosMessage {
     /// # Errors
     /// As [`RosType::of`].
     pub fn of<M: Message>(message: &M) -> Result<Self, RosTypeError> {
-        Ok(Self::new(RosType::of::<M>()?, message.encode().to_bytes()))
+        Ok(Self::new(RosType::of::<M>()?, message.encode()))
     }
 
     /// The message as a struct that was generated from its definition. Middlewares have checked its size.
@@ -91,7 +90,7 @@ impl RosMessage {
     }
 
     /// Makes a message of its bytes, which are not checked until [`RosMessage::fields`].
-    pub fn new(ros_type: RosType, cdr: impl Into<Bytes>) -> Self {
+    pub fn new(ros_type: RosType, cdr: impl Into<CdrParts>) -> Self {
         Self { ros_type, cdr: cdr.into() }
     }
 
@@ -123,7 +122,6 @@ impl RosMessage {
     /// # Errors
     /// When the fields are those of another type.
     pub fn from_fields(ros_type: RosType, fields: &DynamicMessage) -> Result<Self, ValueError> {
-        let cdr: CdrParts = ros_type.plan().encode(fields)?;
-        Ok(Self { ros_type, cdr: cdr.to_bytes() })
+        Ok(Self { ros_type, cdr: ros_type.plan().encode(fields)? })
     }
 }

@@ -37,8 +37,8 @@ impl RosService {
     /// DDS shows the latter.
     pub fn known(name: &str, hash: &str) -> Option<Self> {
         let services = SERVICES.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_meant = |((one, own), known): &(&(String, String), &&'static Known)| {
-            one == name && [own.as_str(), known.request.type_hash()].contains(&hash)
+        let is_meant = |(own, known): &(&String, &&'static Known)| {
+            known.name == name && [own.as_str(), known.request.type_hash()].contains(&hash)
         };
         services.iter().find(is_meant).map(|(_, known)| Self(known))
     }

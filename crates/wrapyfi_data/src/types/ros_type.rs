@@ -60,8 +60,8 @@ struct Known {
 #[error("{0}")]
 pub struct RosTypeError(pub(super) String);
 
-/// Types that the process knows, by name and hash.
-pub(super) type Interned<T> = Mutex<BTreeMap<(String, String), &'static T>>;
+/// Types that the process knows by their hash, which is one of the name too.
+pub(super) type Interned<T> = Mutex<BTreeMap<String, &'static T>>;
 
 /// Finds the type of a definition, or enters the one that `make` makes.
 pub(super) fn intern<T>(
@@ -71,19 +71,18 @@ pub(super) fn intern<T>(
 ) -> Result<&'static T, RosTypeError> {
     // No code under the lock panics half-way, so a poisoned map is complete.
     let mut types = types.lock().unwrap_or_else(PoisonError::into_inner);
-    let key = (resolved.name().to_string(), resolved.type_hash());
-    if let Some(known) = types.get(&key) {
+    let (name, hash) = (resolved.name().to_string(), resolved.type_hash());
+    if let Some(known) = types.get(&hash) {
         return Ok(known);
     }
     if types.len() >= MAX_ROS_TYPES {
-        let name = key.0;
         return Err(RosTypeError(format!(
             "{name} is not taken in: this process knows {MAX_ROS_TYPES} types already; start another \
              one for it"
         )));
     }
-    let known: &T = Box::leak(Box::new(make(&key.0)?));
-    types.insert(key, known);
+    let known: &T = Box::leak(Box::new(make(&name)?));
+    types.insert(hash, known);
     Ok(known)
 }
 
@@ -99,7 +98,7 @@ impl RosType {
     /// The type of this name and hash, where the process knows it already.
     pub fn known(name: &str, hash: &str) -> Option<Self> {
         let types = TYPES.lock().unwrap_or_else(PoisonError::into_inner);
-        types.get(&(name.to_owned(), hash.to_owned())).map(|known| Self(known))
+        types.get(hash).filter(|known| known.name == name).map(|known| Self(known))
     }
 
     /// Enters the type of a definition; the same definition gives the same type.

@@ -1,5 +1,7 @@
 //! Numbers and booleans: one at a time, and in bulk.
 
+use zerocopy::IntoBytes as _;
+
 /// A primitive of fixed size in CDR, aligned to that size.
 pub trait CdrPrimitive: Copy {
     /// Size in bytes.
@@ -26,14 +28,10 @@ macro_rules! numbers {
             const SIZE: usize = size_of::<$number>();
 
             fn append(values: &[Self], to: &mut Vec<u8>) {
-                let start = to.len();
-                to.resize(start + size_of_val(values), 0);
-                let (_, added) = to.split_at_mut(start);
-                // Equal lengths on both sides let the compiler turn the loop into one copy.
-                let (chunks, _) = added.as_chunks_mut::<{ size_of::<$number>() }>();
-                for (chunk, value) in chunks.iter_mut().zip(values) {
-                    *chunk = value.to_le_bytes();
+                if cfg!(target_endian = "little") {
+                    return to.extend_from_slice(values.as_bytes());
                 }
+                values.iter().for_each(|value| to.extend_from_slice(&value.to_le_bytes()));
             }
 
             fn extract(bytes: &[u8], order: ByteOrder) -> impl Iterator<Item = Self> {

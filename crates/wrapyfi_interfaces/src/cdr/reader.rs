@@ -91,7 +91,11 @@ impl<'a> CdrReader<'a> {
     /// # Errors
     /// When it is too long or unterminated.
     pub fn read_string(&mut self) -> Result<String, CdrError> {
-        self.take_text().map(|text| String::from_utf8_lossy(text).into_owned())
+        // The check of the whole is the fast one.
+        self.take_text().map(|text| match str::from_utf8(text) {
+            Ok(text) => text.to_owned(),
+            Err(_) => String::from_utf8_lossy(text).into_owned(),
+        })
     }
 
     /// Reads a string without a copy, for those who decode it further: the result shares the

@@ -11,6 +11,9 @@ const SHARED_FROM: usize = 4096;
 /// Bytes of text that can be counted together with the terminator.
 const LONGEST_STRING: usize = u32::MAX as usize - 1;
 
+/// Bytes that the first piece has room for: most messages without a long sequence grow into it without a move.
+const FIRST_ROOM: usize = 512;
+
 /// Plain CDR, little-endian, no options.
 const ENCAPSULATION: [u8; ENCAPSULATION_SIZE] = [0, 1, 0, 0];
 
@@ -31,7 +34,9 @@ pub struct CdrWriter {
 impl CdrWriter {
     /// Starts with the encapsulation header.
     pub fn new() -> Self {
-        Self { pieces: Vec::new(), finished: 0, tail: ENCAPSULATION.to_vec(), is_ros1: false }
+        let mut tail = Vec::with_capacity(FIRST_ROOM);
+        tail.extend_from_slice(&ENCAPSULATION);
+        Self { pieces: Vec::new(), finished: 0, tail, is_ros1: false }
     }
 
     /// Starts a message as ROS 1 serialises it; see [`CdrReader::of_ros1`](super::CdrReader::of_ros1).
@@ -42,8 +47,11 @@ impl CdrWriter {
     /// The message, ready to be sent.
     #[must_use]
     pub fn finish(mut self) -> CdrParts {
+        if self.pieces.is_empty() {
+            return self.tail.into();
+        }
         self.close_tail();
-        CdrParts { pieces: self.pieces }
+        CdrParts::of(self.pieces)
     }
 
     /// Writes one number or boolean.

@@ -181,7 +181,7 @@ impl ClientWire for ParameterServiceClient {
         let limit = self.limits.message_bytes;
         let message = requests::asked_message(request, self.service.request(), limit)?;
         let bytes = message.cdr.len();
-        Ok((Asked { cdr: message.cdr, deadline }, bytes))
+        Ok((Asked { cdr: message.cdr.to_bytes(), deadline }, bytes))
     }
 
     fn turn(&mut self, calls: &mut Calls<Asked>) {

@@ -92,7 +92,7 @@ impl<S: Service> Asker<S> {
     }
 
     fn message(&self, request: &S::Request) -> Request {
-        Request::Message(RosMessage::new(self.service.request(), request.encode().to_bytes()))
+        Request::Message(RosMessage::new(self.service.request(), request.encode()))
     }
 
     fn response(&self, result: Result<Reply, CallError>) -> ParameterResult<S::Response> {

@@ -68,7 +68,7 @@ impl ServiceCodec {
         let spec = &self.spec;
         if let ServiceKind::Ros(service) = spec.kind {
             return requests::asked_message(request, service.request(), self.most())
-                .map(|asked| asked.cdr);
+                .map(|asked| asked.cdr.to_bytes());
         }
         // The only field of a request has the bytes of the message.
         let parts = if spec.kind.is_upstream() {
@@ -107,7 +107,7 @@ impl ServiceCodec {
         let ServiceSpec { kind, plugins, .. } = &self.spec;
         if let ServiceKind::Ros(service) = kind {
             let message = requests::returned_message(returned, service.response(), self.most());
-            return message.map(|message| message.cdr);
+            return message.map(|message| message.cdr.to_bytes());
         }
         let returned = &*requests::without_messages(returned)?;
         self.within_limit(&ros::encode_reply(returned, *kind, plugins)?)

@@ -134,7 +134,7 @@ impl Events {
         event
             .set(field, vec![fields.map_err(|error| error.to_string())?])
             .and_then(|()| RosMessage::from_fields(self.ros_type, &event))
-            .map(|event| event.cdr)
+            .map(|event| event.cdr.to_bytes())
             .map_err(|error| error.to_string())
     }
 }

@@ -260,7 +260,7 @@ impl<'a> Player<'a> {
         let nanosec = u32::try_from(time_ns % SECOND_NS).unwrap_or_default();
         let time =
             RosMessage::of(&Clock { clock: Time { sec, nanosec } }).map_err(Failure::usage)?;
-        match clock.publish(time.cdr, time_ns) {
+        match clock.publish(time.cdr.to_bytes(), time_ns) {
             Ok(()) => Ok(()),
             Err(error) => Err(error.context(CLOCK).into()),
         }

@@ -67,7 +67,7 @@ pub fn encode(
         (Payload::RosMessage(message), MessageType::Ros(ros_type))
             if message.ros_type == ros_type =>
         {
-            Ok(CdrParts::from(message.cdr.clone()))
+            Ok(message.cdr.clone())
         }
         _ => Err(EncodeError::mismatch(message_type.ros_type().to_owned(), describe(payload))),
     }
