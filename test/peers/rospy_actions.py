@@ -3,6 +3,7 @@
 
     rospy_actions.py serve --action /fib [--step S] [--behave reject|abort|refuse_cancel|pend]
     rospy_actions.py send  --action /fib --order N [--goals M] [--cancel-after K] [--count N]
+    …                      --type demo/Count --part int32-x,int32-y          another name, results with a field `part`
 
 The type is test_msgs/Fibonacci, which no package of ROS 1 has: genpy makes its classes on the spot. Options and lines on stdout are
 those of rclpy_actions.py; states are those of actionlib, in small letters. A server that pends takes no goal up, and recalls the
@@ -22,6 +23,7 @@ parser.add_argument("--goals", type=int, default=1)
 parser.add_argument("--count", type=int, default=1)
 parser.add_argument("--cancel-after", type=int, default=0, help="0: never")
 parser.add_argument("--type", default="test_msgs/Fibonacci")
+parser.add_argument("--part", default="", help="fields, with commas between, of a message that results have beside")
 args = parser.parse_args()
 
 import actionlib  # noqa: E402
@@ -46,6 +48,9 @@ def of(part, fields):
     name = f"{args.type}{part}"
     text = f"std_msgs/Header header\n{first}\n{name.split('/')[1]} {part.lower()}\n"
     text = text.replace("std_msgs/Header", "Header")
+    if args.part and part == "Result":
+        fields += "\nPart part"
+        nested.append(f"MSG: {args.type.split('/')[0]}/Part\n" + args.part.translate(str.maketrans("-,", " \n")) + "\n")
     text += "".join(LINE + part for part in nested + [f"MSG: {name}\n{fields}\n"])
     made = genpy.dynamic.generate_dynamic(f"{args.type}Action{part}", text)
     return made[f"{args.type}Action{part}"], made[name]

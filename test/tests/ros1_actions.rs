@@ -262,3 +262,35 @@ fn ros1_bridge_carries_actions() -> Result {
         Ok(())
     })
 }
+
+/// Results of both had the part that was shown last, so that the clients of one found no server.
+#[test]
+fn actions_of_two_versions_of_a_type_are_carried_side_by_side() -> Result {
+    run("actions_of_two_versions_of_a_type_are_carried_side_by_side", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let versions = [("Count", "int32-x"), ("Row", "int32-x,int32-y"), ("Count", "string-text")];
+        let versions = versions.iter().enumerate().map(|(number, (kind, part))| {
+            let of = |end: &str| env.topic(&format!("{end}{number}"));
+            let kind = format!("--type acme_msgs/{kind} --part {part}");
+            (of("there"), of("here"), kind)
+        });
+        let versions: Vec<_> = versions.collect();
+        let mut config = env.embedded();
+        let mut servers = Vec::new();
+        for (there, here, kind) in &versions {
+            let server =
+                env.rospy_actions(&format!("serve --action {there} --step 0.01 {kind}"))?;
+            server.event("ready")?;
+            servers.push(server);
+            config = config.route(Route::action(&ros1(there), &ros1(here)));
+        }
+        let bridge = env.bridge(&config)?;
+        for (_, here, kind) in &versions {
+            let client = env.rospy_actions(&format!("send --action {here} --order 3 {kind}"))?;
+            client.event("done").map_err(|error| error.context(bridge.tail()))?;
+            let ends = client.wait_until("the end", |output| Some(output.events("end")))?;
+            assert_eq!(ends[0]["sequence"], json!([0, 1, 1, 2, 3]), "{here} {kind}: {ends:?}");
+        }
+        Ok(())
+    })
+}

@@ -330,3 +330,114 @@ fn topics_of_two_versions_of_a_type_are_carried_side_by_side() -> Result {
         Ok(())
     })
 }
+
+/// Writes definitions into a folder, which nodes of rospy read.
+fn folder_of(env: &TestEnv, name: &str, files: &[(&str, &str)]) -> Result<String> {
+    let folder = env.path(name);
+    for (file, text) in files {
+        let path = folder.join(file);
+        path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+        std::fs::write(path, text)?;
+    }
+    Ok(folder.display().to_string())
+}
+
+/// On the way back it had the name of ROS 2, and a checksum of its fields there, which no node of ROS 1 takes.
+#[test]
+fn a_type_whose_name_ros_2_forbids_comes_back_under_its_own() -> Result {
+    run("a_type_whose_name_ros_2_forbids_comes_back_under_its_own", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let [from, to] = ["from", "to"].map(|name| env.topic(name));
+        let files = [
+            ("My_msgs/msg/foo_msg.msg", "int32 frameId\nfoo_part part\n"),
+            ("My_msgs/msg/foo_part.msg", "float64[2] K\n"),
+        ];
+        let folder = folder_of(env, "ros1", &files)?;
+        let rospy = |role: &str, topic: &str, value: Option<&str>| {
+            let args = format!(
+                "{role} --topic {topic} --type My_msgs/foo_msg --node {role}_node --definitions {folder}"
+            );
+            env.rospy(&args, value)
+        };
+        let ear = rospy("subscribe", &to, None)?;
+        let talker = rospy("publish", &from, Some(r#"{"frameId": 5, "part": {"K": [0.5, 2]}}"#))?;
+        talker.event("ready")?;
+        let config = env.embedded().route(Route::untyped(&ros1(&from), &ros2(&from)));
+        let bridge = env.bridge(&config.route(Route::untyped(&ros2(&to), &ros1(&to))))?;
+        let value = json!({"frame_id": 5, "part": {"k": [0.5, 2.0]}});
+        let echo =
+            env.wrapyfi(["echo", &ros2(&from), "--count", "1", "--json", "--timeout", "100"])?;
+        let heard = echo.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
+        assert_eq!((&heard["type"], &heard["value"]), (&json!("my_msgs/msg/FooMsg"), &value));
+
+        let files = [
+            ("my_msgs/msg/FooMsg.msg", "int32 frame_id\nFooPart part\n"),
+            ("my_msgs/msg/FooPart.msg", "float64[2] k\n"),
+        ];
+        let (folder, back, value) = (env.definitions(&files)?, ros2(&to), value.to_string());
+        let args = ["pub", &back, "--type", "my_msgs/msg/FooMsg", "--definitions", &folder];
+        let more = ["--value", &value, "--rate", "20", "--count", "100000"];
+        let publisher = env.wrapyfi(args.into_iter().chain(more))?;
+        let heard = ear
+            .messages(3)
+            .map_err(|error| error.context(format!("{}\n{}", bridge.tail(), publisher.tail())))?;
+        assert_eq!(heard[2]["value"], json!({"frameId": 5, "part": {"K": [0.5, 2.0]}}));
+        Ok(())
+    })
+}
+
+/// Servers tell the checksum of their service alone: both were called by the definition that was shown last.
+#[test]
+fn servers_of_two_versions_of_a_type_are_called_side_by_side() -> Result {
+    run("servers_of_two_versions_of_a_type_are_called_side_by_side", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let ask = ("acme_msgs/srv/Ask.srv", "int32 code\n---\nStatus status\n");
+        let versions = [
+            ("older", "int32 code\n", json!({"code": 1})),
+            ("newer", "int32 code\nstring text\n", json!({"code": 2, "text": "two"})),
+        ];
+        let mut config = env.embedded();
+        let mut nodes = Vec::new();
+        let mut folders = Vec::new();
+        for (name, definition, value) in &versions {
+            let status = ("acme_msgs/msg/Status.msg", *definition);
+            let folder = folder_of(env, name, &[ask, status])?;
+            let (topic, there) = (env.topic(name), env.topic(&format!("{name}_there")));
+            let of = |role: &str, topic: &str, kind: &str| {
+                format!(
+                    "{role} --topic {topic} --type acme_msgs/{kind} --node {name}_{role} --definitions {folder}"
+                )
+            };
+            nodes.push(env.rospy(&of("publish", &topic, "Status"), Some(&value.to_string()))?);
+            let answer = json!({ "status": value }).to_string();
+            nodes.push(env.rospy(&of("serve", &there, "Ask"), Some(&answer))?);
+            let here = ros1(&env.topic(&format!("{name}_here")));
+            config = config.route(Route::untyped(&ros1(&topic), &ros2(&topic)));
+            config = config.route(Route::untyped_service(&ros1(&there), &here));
+            folders.push(folder);
+        }
+        for node in &nodes {
+            node.event("ready")?;
+        }
+        // The types inside it are those that publishers show.
+        env.set_variable("ROS_PACKAGE_PATH", folder_of(env, "services", &[ask])?);
+        let bridge = env.bridge(&config)?;
+        env.set_variable("ROS_PACKAGE_PATH", "");
+        for ((name, _, value), folder) in versions.iter().zip(&folders) {
+            let args = format!(
+                "call --topic {} --type acme_msgs/Ask --node {name}_call --count 2 --definitions {folder}",
+                env.topic(&format!("{name}_here"))
+            );
+            let client = env.rospy(&args, Some(r#"{"code": 7}"#))?;
+            client.event("done").map_err(|error| error.context(bridge.tail()))?;
+            let replies = client.wait_until("replies", |output| Some(output.events("reply")))?;
+            assert_eq!(
+                replies[1]["value"],
+                json!({ "status": value }),
+                "{name}: {}",
+                bridge.tail()
+            );
+        }
+        Ok(())
+    })
+}

@@ -152,8 +152,8 @@ fn carry(prefix: &Path, python: &Path) -> BTreeMap<String, usize> {
         let count: &mut usize =
             carried.entry(name.split('/').next().unwrap().to_owned()).or_default();
         let of_service = (text(vector, "kind") == "srv").then(|| {
-            let definition = types.service_definition(name).unwrap();
-            let ros2 = types.ros2_service(name).unwrap();
+            let definition = types.service_definition(name, None).unwrap();
+            let ros2 = types.ros2_service(name, None).unwrap();
             let plan = types.service_plan(definition, ros2.name()).unwrap();
             let found = (plan.definition.md5sum.as_str(), plan.definition.text.as_str());
             assert_eq!(found, (text(vector, "md5"), text(vector, "text")), "{name}");

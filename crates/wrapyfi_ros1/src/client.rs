@@ -26,7 +26,7 @@ use super::config::{NAME, NodeUri};
 use super::core::Core;
 use super::header::Header;
 use super::node::Node;
-use super::peer_types::{forget_service, greeted, probe_header};
+use super::peer_types::{forget_service, greeted, probe_header, told_md5sum};
 use super::services::{MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::splitter;
 use super::tcpros::{self, OPENING_AT_ONCE};
@@ -109,7 +109,7 @@ impl Ros1Client {
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireClient<Self>> {
-        let codec = ServiceCodec::new(node, spec)?;
+        let codec = ServiceCodec::new(node, spec, told_md5sum(node, service).as_deref())?;
         let shared = Arc::new(ClientShared {
             node: Arc::downgrade(node),
             service: service.to_owned(),

@@ -6,7 +6,6 @@
 //! ```
 
 use wrapyfi_data::types::{MessageType, RosAction, RosService, RosType, ServiceKind};
-use wrapyfi_interfaces::parser::InterfaceKind;
 use wrapyfi_interfaces::ros1::{Definition, PairError, PairPlan, ServiceDefinition, Types};
 
 /// Differences of the definitions that a topic of this type has in ROS 1 and in ROS 2, a sentence each. None where no
@@ -20,7 +19,7 @@ pub fn of_topic(types: &mut Types, message_type: MessageType) -> Vec<String> {
 /// As [`of_topic`], for requests and responses of a service.
 pub fn of_service(types: &mut Types, kind: ServiceKind) -> Vec<String> {
     let ServiceKind::Ros(service) = kind else { return Vec::new() };
-    let Ok((_, plans)) = service_towards(types, service) else { return Vec::new() };
+    let Ok((_, plans)) = service_towards(types, service, None) else { return Vec::new() };
     let parts = [service.request(), service.response()];
     plans.iter().zip(parts).flat_map(|(plan, part)| of_plan(plan, part)).collect()
 }
@@ -39,27 +38,20 @@ pub(super) fn towards(
     ros_type: RosType,
 ) -> Result<(Definition, PairPlan), PairError> {
     let resolved = ros_type.resolved();
-    if resolved.name().kind() == InterfaceKind::Action {
-        let found = types.action_message(resolved.name())?;
-        let plan = PairPlan::compile(&found.part, resolved, types.rules())?;
-        return Ok((found.message, plan));
-    }
     // The caller that resolved it may have looked where this node does not.
     types.add_ros2(resolved);
     types.counterpart(resolved)
 }
 
-/// As [`towards`], with the plans of requests and responses of a service.
+/// As [`towards`], with the plans of requests and responses of a service, whose server tells `md5sum` where it is one of
+/// ROS 1.
 pub(super) fn service_towards(
     types: &mut Types,
     service: RosService,
+    md5sum: Option<&str>,
 ) -> Result<(ServiceDefinition, [PairPlan; 2]), PairError> {
     types.add_ros2(service.resolved());
-    let definition = types.service_towards_ros1(service.resolved().name())?.definition;
-    let plan = |ros1, part: RosType| PairPlan::compile(ros1, part.resolved(), types.rules());
-    let request = plan(&definition.request, service.request())?;
-    let response = plan(&definition.response, service.response())?;
-    Ok((definition, [request, response]))
+    types.service_counterpart(service.resolved(), md5sum)
 }
 
 /// Fields that a plan carries one way only or not at all.

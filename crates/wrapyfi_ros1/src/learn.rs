@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 use super::config::NAME;
@@ -110,7 +111,7 @@ pub(super) fn service(
     if let Some(kind) = here {
         return kind.map(ServiceKind::Ros).map_err(|error| undefined(&found.name, &error));
     }
-    let type_name = type_info(core, found)?.type_name;
+    let TypeInfo { type_name, md5sum, .. } = type_info(core, found)?;
     let kinds = [ServiceKind::NativeObject, ServiceKind::Image, ServiceKind::AudioChunk];
     if let Some(kind) = kinds.into_iter().find(|kind| known(*kind).name == type_name) {
         return Ok(kind);
@@ -118,8 +119,12 @@ pub(super) fn service(
     let mut types = core.types();
     let names =
         types.ros2_service_names(&type_name).map_err(|error| undefined(&type_name, &error))?;
+    let made = types.ros2_service(&type_name, md5sum.as_deref());
     // A folder may have the service, and a publisher show the types inside.
-    let mut part = |name: &_| types.ros2_type_named(name).ok()?.definition().cloned();
+    let mut part = |name: &TypeName| {
+        let of_server = made.as_ref().ok().and_then(|made| made.definitions().get(name)).cloned();
+        of_server.or_else(|| types.ros2_type_named(name).ok()?.definition().cloned())
+    };
     let mut lacking = None;
     let known = names.iter().find_map(|name| match store.resolve_with(name, &mut part) {
         Ok(found) => Some(found),
@@ -131,7 +136,7 @@ pub(super) fn service(
     });
     let resolved = match (known, lacking) {
         (Some(resolved), _) => resolved,
-        (None, lacking) => types.ros2_service(&type_name).map_err(|error| match lacking {
+        (None, lacking) => made.map_err(|error| match lacking {
             Some(lacking) => undefined(&type_name, &lacking),
             None => undefined(&type_name, &error),
         })?,
@@ -154,20 +159,25 @@ pub(super) fn action(
     // All are asked at once.
     let goal = client.map(|client| part("goal", Some(client)));
     let feedback = part("feedback", found.node.clone());
-    let shown = part("result", found.node.clone())?.type_name;
-    feedback?;
-    if let Some(Err(asked @ LearnError::Asked(_))) = goal {
-        return Err(asked);
-    }
-    let type_name = action_type(&shown).ok_or_else(|| {
-        undefined(&shown, &"it is no result of an action (package/NameActionResult)")
+    let (result, feedback) = (part("result", found.node.clone())?, feedback?);
+    let goal = match goal {
+        Some(Err(asked @ LearnError::Asked(_))) => return Err(asked),
+        goal => goal.and_then(Result::ok),
+    };
+    let type_name = action_type(&result.type_name).ok_or_else(|| {
+        let reason = "it is no result of an action (package/NameActionResult)";
+        undefined(&result.type_name, &reason)
     })?;
+    let told = [goal.as_ref(), Some(&result), Some(&feedback)].into_iter().flatten();
+    let shown: Vec<_> = told.filter_map(|told| told.definition.as_deref()).collect();
     let mut types = core.types();
     let names = types.ros2_action_names(type_name).map_err(|error| undefined(type_name, &error))?;
     let known = names.iter().find_map(|name| store.resolve_defined(name).ok());
     let resolved = match known {
         Some(resolved) => resolved,
-        None => types.ros2_action(type_name).map_err(|error| undefined(type_name, &error))?,
+        None => {
+            types.ros2_action(type_name, &shown).map_err(|error| undefined(type_name, &error))?
+        }
     };
     RosAction::new(&resolved).map_err(|error| undefined(type_name, &error))
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   topic    lookupNode ─▶ requestTopic ─▶ TCPROS header ─▶ type, checksum, definition ─▶ Types; latches
-//!   service  lookupService ─▶ TCPROS header with probe=1 ─▶ type
+//!   service  lookupService ─▶ TCPROS header with probe=1 ─▶ type, checksum
 //! ```
 //!
 //! To be asked is to have a subscriber for a moment, so a publisher is asked once, and only where a route
@@ -82,6 +82,8 @@ pub(super) struct TypeInfo {
     pub(super) type_name: String,
     /// Definition that a publisher has shown, which another one of the same type may have in another version.
     pub(super) definition: Option<Arc<Definition>>,
+    /// Checksum that a server has told, which shows no definition.
+    pub(super) md5sum: Option<String>,
     /// A publisher sends its last message to each new subscriber.
     pub(super) latches: bool,
     /// Address that gave the answer.
@@ -191,7 +193,7 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, Unanswer
         .transpose()
         .map_err(|error| Unanswered::Unreadable(Some(type_name.clone()), error.to_string()))?
         .map(Arc::new);
-    Ok(TypeInfo { type_name, definition, latches: header.is_set("latching"), place })
+    Ok(TypeInfo { type_name, definition, md5sum: None, latches: header.is_set("latching"), place })
 }
 
 /// Asks the node at `uri` for the host and port at which it sends `topic` by TCPROS.
@@ -225,7 +227,18 @@ async fn service(core: &Core, name: &str) -> Result<TypeInfo, Unanswered> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or_else(|| "the master knows it no more".to_owned())?;
     let header = greeted(&place, &probe_header(core, name)).await?;
-    Ok(TypeInfo { type_name: type_in(&header)?, definition: None, latches: false, place })
+    let md5sum = header.get("md5sum").filter(|it| *it != "*").map(str::to_owned);
+    Ok(TypeInfo { type_name: type_in(&header)?, definition: None, md5sum, latches: false, place })
+}
+
+/// Checksum that the server of a service has told; `None` where none was asked.
+pub(super) fn told_md5sum(core: &Core, service: &str) -> Option<String> {
+    core.peer_types.lock().iter().find_map(|((role, name, _), answer)| match answer {
+        TypeQuestion::Known(told) if *role == Role::Server && name == service => {
+            told.md5sum.clone()
+        }
+        _ => None,
+    })
 }
 
 /// True when a server that has told its type still answers for the service at the same address.

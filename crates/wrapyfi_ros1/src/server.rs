@@ -31,7 +31,7 @@ impl Ros1Server {
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireServer<Self>> {
-        let codec = ServiceCodec::new(node, spec)?;
+        let codec = ServiceCodec::new(node, spec, None)?;
         let requests = Arc::new(Requests::new(spec, context));
         let host = Arc::new(ServiceHost::new(service, &codec, Arc::clone(&requests)));
         if !node.offer(service, &host) {

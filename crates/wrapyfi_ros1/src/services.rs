@@ -53,12 +53,17 @@ struct AnyService {
 }
 
 impl ServiceCodec {
-    /// The codec of a function, or of any service whose ROS 1 definition can be had.
-    pub(super) fn new(core: &Core, spec: &ServiceSpec) -> Result<Self, OpenError> {
+    /// The codec of a function, or of any service whose ROS 1 definition can be had; of the one of this checksum, where a
+    /// server has told it.
+    pub(super) fn new(
+        core: &Core,
+        spec: &ServiceSpec,
+        md5sum: Option<&str>,
+    ) -> Result<Self, OpenError> {
         let ServiceKind::Ros(service) = spec.kind else {
             return Ok(Self { spec: spec.clone(), wire_type: known(spec.kind), any: None });
         };
-        let found = differences::service_towards(&mut core.types(), service);
+        let found = differences::service_towards(&mut core.types(), service, md5sum);
         let (definition, [request, response]) = found.map_err(|error| {
             OpenError::transport(
                 NAME,

@@ -222,7 +222,8 @@ fn origins(ros1: &Ros1, learned: &[Learned]) -> Origins {
                     types.definition(&name).map(|it| it.resolved).into_iter().collect()
                 }
                 Interaction::Service => {
-                    let parts = types.service_definition(&name).map(|it| [it.request, it.response]);
+                    let found = types.service_definition(&name, None);
+                    let parts = found.map(|it| [it.request, it.response]);
                     parts.into_iter().flatten().collect()
                 }
                 Interaction::Action => ["Goal", "Result", "Feedback"]

@@ -79,6 +79,19 @@ impl ActionMessage {
         let part = part_of_message(&message).ok_or_else(|| no_action(&name))?;
         Ok(Self { part, message })
     }
+
+    /// The same message with these definitions of the types inside.
+    fn with_types(
+        self,
+        types: &BTreeMap<TypeName, MessageDefinition>,
+    ) -> Result<Self, DefinitionError> {
+        let Definition { resolved, .. } = self.message;
+        let mut known = resolved.definitions().clone();
+        known.extend(types.clone());
+        let resolved =
+            ResolvedType::among(Dialect::Ros1, resolved.name(), &known, &Looked::default())?;
+        Self::new(Definition::new(resolved, &BTreeMap::new())?)
+    }
 }
 
 /// The part in a message of an action.
@@ -113,6 +126,12 @@ fn part_name(action: &TypeName, part: ActionPart) -> TypeName {
     action.derived(&format!("_{}", part.words().0))
 }
 
+/// Message that carries a part of an action, such as `demo/CountActionGoal` of `demo/action/Count_Goal`.
+pub(super) fn carrier_of(part: &TypeName) -> Option<TypeName> {
+    let (stem, word) = (part.file_stem(), ActionPart::of(part)?.words().0);
+    parse_name(InterfaceKind::Message, &format!("{}/{stem}Action{word}", part.package())).ok()
+}
+
 /// The type `from` of these definitions under another name.
 fn renamed(
     definitions: &BTreeMap<TypeName, MessageDefinition>,
@@ -144,50 +163,82 @@ impl Types {
         &mut self,
         ros2_part: &TypeName,
     ) -> Result<ActionMessage, DefinitionError> {
-        self.likeliest(ros2_part, Self::action_message_of)
+        self.likeliest(ros2_part, |types, name| types.action_message_of(name, None))
     }
 
-    /// The action of ROS 2 for one of ROS 1, given by its ROS 1 name `package/Type`: as installed, else made from it.
+    /// The action of ROS 2 for one of ROS 1, given by its ROS 1 name `package/Type`: as installed, else made from it. Its
+    /// messages are those that its own server, and a client of it, have `shown`, as far as they have.
     ///
     /// # Errors
     /// As [`Types::action_message`], for the part that is missing.
-    pub fn ros2_action(&mut self, type_name: &str) -> Result<ResolvedType, PairError> {
+    pub fn ros2_action(
+        &mut self,
+        type_name: &str,
+        shown: &[&Definition],
+    ) -> Result<ResolvedType, PairError> {
         let ros1 = parse_name(InterfaceKind::Action, type_name)?;
         let names = self.rules().ros2_names(&ros1);
+        let name = names.first().unwrap_or(&ros1).clone();
+        let mut known = BTreeMap::new();
+        let made = self.made_action(&ros1, &name, shown, &mut known);
         for name in &names {
-            if let Some(found) = self.ros2_known(name)? {
+            if let Some(found) = self.installed(name, &known)? {
                 return Ok(found);
             }
         }
-        let name = names.first().unwrap_or(&ros1).clone();
-        let mut known = BTreeMap::new();
+        made
+    }
+
+    /// Makes the action `name` of ROS 2. The types inside go into `known`, also where a part is missing.
+    fn made_action(
+        &mut self,
+        ros1: &TypeName,
+        name: &TypeName,
+        shown: &[&Definition],
+        known: &mut BTreeMap<TypeName, MessageDefinition>,
+    ) -> Result<ResolvedType, PairError> {
+        let told = shown.iter().flat_map(|one| one.resolved.definitions().clone()).collect();
         let mut part = |part| {
-            let message = self.action_message_of(&part_name(&ros1, part))?;
-            let made = self.made_for_ros2(&message.part, &part_name(&name, part))?;
+            let ros1 = part_name(ros1, part);
+            let own = shown.iter().find(|one| Some(one.name()) == carrier_of(&ros1).as_ref());
+            let message = match own {
+                Some(own) => ActionMessage::new((*own).clone())?,
+                None => self.action_message_of(&ros1, None)?.with_types(&told)?,
+            };
+            let made = self.made_for_ros2(&message.part, &part_name(name, part))?;
             known.extend(made.definitions().clone());
             let no_action = || DefinitionError::Kind { name: name.clone(), expected: "action" };
             Ok::<_, PairError>(made.definition().cloned().ok_or_else(no_action)?)
         };
-        let (goal, result) = (part(ActionPart::Goal)?, part(ActionPart::Result)?);
-        let messages = action_messages(&name, goal, result, part(ActionPart::Feedback)?);
-        known.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
-        Ok(ResolvedType::among(Dialect::Ros2, &name, &known, &Looked::default())?)
+        // Of a type that a client has in another version, that of the server stays: it comes last.
+        let (goal, result) = (part(ActionPart::Goal), part(ActionPart::Result));
+        let feedback = part(ActionPart::Feedback);
+        let messages = action_messages(name, goal?, result?, feedback?);
+        let mut all = known.clone();
+        all.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
+        Ok(ResolvedType::among(Dialect::Ros2, name, &all, &Looked::default())?)
+    }
+
+    /// Notes the name of the action whose message this is; see [`Types::note_names`].
+    pub(super) fn note_action(&mut self, message: &Definition) {
+        if let Some(part) = part_of_message(message) {
+            self.note_names([part.name(), &part.name().interface()]);
+        }
     }
 
     /// As [`Types::action_message`], by the name of the part in ROS 1.
+    /// What nobody has is made from the part in ROS 2, where that is `at_hand`.
     pub(super) fn action_message_of(
         &mut self,
         name: &TypeName,
+        at_hand: Option<&ResolvedType>,
     ) -> Result<ActionMessage, DefinitionError> {
         let no_part =
             || DefinitionError::Kind { name: name.clone(), expected: "part of an action" };
-        let part = ActionPart::of(name).ok_or_else(no_part)?;
-        let (stem, word) = (name.file_stem(), part.words().0);
-        let message =
-            parse_name(InterfaceKind::Message, &format!("{}/{stem}Action{word}", name.package()))?;
+        let (part, message) = ActionPart::of(name).zip(carrier_of(name)).ok_or_else(no_part)?;
         match self.definition_of(&message) {
             Err(DefinitionError::Unknown { looked, .. }) => {
-                let carried = self.action_part(name, part, looked)?;
+                let carried = self.action_part(name, part, at_hand, looked)?;
                 self.composed(&message, part, &carried).and_then(ActionMessage::new)
             }
             found => ActionMessage::new(found?),
@@ -199,6 +250,7 @@ impl Types {
         &mut self,
         name: &TypeName,
         part: ActionPart,
+        at_hand: Option<&ResolvedType>,
         looked: Looked,
     ) -> Result<ResolvedType, DefinitionError> {
         let (action, word) = (name.interface(), part.words().0);
@@ -215,6 +267,9 @@ impl Types {
                 let found = found?;
                 return Ok(renamed(found.definitions(), name, &plain)?);
             }
+        }
+        if let Some(part) = at_hand {
+            return Ok(self.derived_for_ros1(part, &plain)?);
         }
         for ros2 in self.rules().ros2_names(&action) {
             let known = self.ros2_known(&ros2)?;

@@ -59,7 +59,7 @@ fn an_action_file_gives_the_messages_of_genaction() {
         assert_eq!(found.message.ros1_name(), format!("demo/FibonacciAction{name}"));
         assert_eq!(found.message.md5sum, md5sum, "{name}");
     }
-    let made = types.ros2_action("demo/Fibonacci").unwrap();
+    let made = types.ros2_action("demo/Fibonacci", &[]).unwrap();
     assert_eq!(made.name().to_string(), "demo/action/Fibonacci");
     assert_eq!(fields(&made.part("_Goal").unwrap()), ["order"]);
     assert!(made.part("_SendGoal_Request").is_some());
@@ -91,11 +91,11 @@ fn an_action_that_nobody_has_is_learned_from_what_publishers_show() {
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
     shown(&mut types, "CountActionGoal", "goal_id", "int32 goal\nint32 result\nint32 feedback");
     shown(&mut types, "CountActionResult", "status", "string[] result");
-    let error = types.ros2_action("own/Count").unwrap_err().to_string();
+    let error = types.ros2_action("own/Count", &[]).unwrap_err().to_string();
     assert!(error.contains("own/Count_Feedback is not known"), "{error}");
     assert!(error.contains("own/action/Count.action"), "{error}");
     shown(&mut types, "CountActionFeedback", "status", "float32 feedback\ntime status");
-    let made = types.ros2_action("own/Count").unwrap();
+    let made = types.ros2_action("own/Count", &[]).unwrap();
     assert_eq!(fields(&made.part("_Goal").unwrap()), ["goal", "result", "feedback"]);
     assert_eq!(fields(&made.part("_Result").unwrap()), ["result"]);
     for suffix in ["_Goal", "_Result", "_Feedback"] {
@@ -140,7 +140,7 @@ fn a_rule_brings_actions_of_different_names_and_fields_together() {
     ros2.add_definition(&name, text).unwrap();
     let mut types = Types::new(serde_json::from_str(rules).unwrap(), ros2);
     types.add_ros1_path(OsStr::new(folder.0.as_os_str()));
-    let found = types.ros2_action("demo/Fibonacci").unwrap();
+    let found = types.ros2_action("demo/Fibonacci", &[]).unwrap();
     assert_eq!(found.name(), &name);
     for suffix in ["_Goal", "_Result", "_Feedback"] {
         let ros2 = found.part(suffix).unwrap();
@@ -151,4 +151,55 @@ fn a_rule_brings_actions_of_different_names_and_fields_together() {
     let mut known = TypeStore::empty();
     known.add_definition(&name, text).unwrap();
     assert_eq!(types.check_rules(&mut known), Vec::<String>::new());
+}
+
+/// Two servers took turns: the types of each went by what was shown last, be they of one action or of two.
+#[test]
+fn actions_of_different_versions_each_have_theirs() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let line = "=".repeat(80);
+    let servers = [("Count", "int32 x"), ("Row", "int32 x\nint32 y"), ("Count", "string text")];
+    let servers = servers.map(|(action, fields)| {
+        let parts = [("Goal", "goal_id"), ("Result", "status"), ("Feedback", "status")];
+        let carried = format!("Part part\n{line}\nMSG: own/Part\n{fields}");
+        let shown = parts.map(|(part, companion)| {
+            shown(&mut types, &format!("{action}Action{part}"), companion, &carried)
+        });
+        (action, fields, shown)
+    });
+    for _again in 0..2 {
+        for (action, fields, shown) in &servers {
+            // Nobody has sent a goal yet.
+            for told in [&shown.each_ref()[..], &shown.each_ref()[1..]] {
+                let made = types.ros2_action(&format!("own/{action}"), told).unwrap();
+                types.add_ros2(&made);
+                let part = TypeName::parse(Dialect::Ros2, "own/msg/Part").unwrap();
+                let inside = made.definitions()[&part].fields.iter();
+                let inside = inside.map(|it| format!("{} {}", it.field_type.element, it.name));
+                assert_eq!(inside.collect::<Vec<_>>().join("\n"), *fields);
+                for (suffix, shown) in ["_Goal", "_Result", "_Feedback"].iter().zip(shown) {
+                    let (found, _) = types.counterpart(&made.part(suffix).unwrap()).unwrap();
+                    assert_eq!(found.md5sum, shown.md5sum, "{action}{suffix} {fields}");
+                }
+            }
+        }
+    }
+}
+
+/// The names of its messages, too, were those of ROS 2.
+#[test]
+fn an_action_whose_name_ros_2_forbids_is_found_again() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let shown = [("Goal", "goal_id"), ("Result", "status"), ("Feedback", "status")].map(
+        |(part, companion)| {
+            shown(&mut types, &format!("go_homeAction{part}"), companion, "int32 x")
+        },
+    );
+    let made = types.ros2_action("own/go_home", &shown.each_ref()).unwrap();
+    assert_eq!(made.name().to_string(), "own/action/GoHome");
+    types.add_ros2(&made);
+    for (suffix, shown) in ["_Goal", "_Result", "_Feedback"].iter().zip(&shown) {
+        let (found, _) = types.counterpart(&made.part(suffix).unwrap()).unwrap();
+        assert_eq!(&found, shown);
+    }
 }

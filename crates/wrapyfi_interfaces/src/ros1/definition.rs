@@ -218,7 +218,7 @@ fn definition_text(definition: &MessageDefinition) -> String {
 }
 
 /// Types of the fields that ROS 1 does not have built in, the last field's first.
-fn nested(definition: &MessageDefinition) -> impl Iterator<Item = &TypeName> {
+pub(super) fn nested(definition: &MessageDefinition) -> impl Iterator<Item = &TypeName> {
     definition.fields.iter().rev().filter_map(|field| match &field.field_type.element {
         Element::Nested(name) if ros1_builtin(name).is_none() => Some(name),
         _ => None,

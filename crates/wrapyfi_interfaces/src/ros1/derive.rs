@@ -94,11 +94,11 @@ fn allowed_field(name: &str) -> String {
 }
 
 /// Makes a ROS 1 type, a message or a service, from a ROS 2 type. Types inside it are asked of `find`
-/// first; their texts are in its answers, too.
+/// first; their texts are in its answers, too. `names` are those that a type of ROS 2 may have in ROS 1.
 pub(super) fn to_ros1(
     ros2: &ResolvedType,
     name: &TypeName,
-    rules: &Rules,
+    names: impl Fn(&TypeName) -> Vec<TypeName>,
     mut find: impl FnMut(&TypeName) -> Option<MessageDefinition>,
 ) -> Result<ResolvedType, ResolveError> {
     let mut origins = BTreeMap::from([(name.clone(), ros2.name().clone())]);
@@ -129,7 +129,7 @@ pub(super) fn to_ros1(
                 let suffix = nested.name().strip_prefix(ros2.name().name()).unwrap_or_default();
                 return name.derived(suffix);
             }
-            let names = rules.ros1_names(nested);
+            let names = names(nested);
             let known = names.iter().find(|name| find(name).is_some());
             let chosen = known.or(names.first()).cloned().unwrap_or_else(|| nested.clone());
             origins.insert(chosen.clone(), nested.clone());

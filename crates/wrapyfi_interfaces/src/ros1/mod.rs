@@ -34,6 +34,7 @@ mod standard;
 pub(crate) mod standard_text;
 mod text;
 mod types;
+mod versions;
 mod wire;
 
 #[cfg(test)]

@@ -32,6 +32,11 @@ pub(super) fn allowed_in_ros2(name: &TypeName) -> Option<TypeName> {
     })
 }
 
+/// True where ROS 2 allows the name as it is.
+pub(super) fn is_allowed_in_ros2(name: &TypeName) -> bool {
+    TypeName::with_kind(Dialect::Ros2, name.package(), name.kind(), name.name()).is_ok()
+}
+
 /// `frameId` to `frame_id`, `K` to `k`, `a__b_` to `a_b`.
 pub(super) fn snake_case(name: &str) -> String {
     let mut text = String::with_capacity(name.len());

@@ -213,6 +213,11 @@ impl PairPlan {
         &self.inner.notes
     }
 
+    /// True where no field of either type is lost.
+    pub(super) fn is_whole(&self) -> bool {
+        !self.notes().iter().any(Note::is_loss)
+    }
+
     /// Appends the CDR form of a ROS 1 message to `out`, with its encapsulation header. On an error
     /// `out` is as it was.
     ///

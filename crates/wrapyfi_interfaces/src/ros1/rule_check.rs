@@ -70,7 +70,7 @@ impl Types {
                 vec![self.found_for_ros1(name, Definition::from_store)?.resolved]
             }
             InterfaceKind::Action => {
-                let part = |suffix| Ok(self.action_message_of(&name.derived(suffix))?.part);
+                let part = |suffix| Ok(self.action_message_of(&name.derived(suffix), None)?.part);
                 PARTS.into_iter().map(part).collect::<Result<_, DefinitionError>>()?
             }
         })

@@ -12,11 +12,11 @@ use std::ffi::OsStr;
 
 use super::definition::{Definition, ServiceDefinition, parse_name};
 use super::error::{DefinitionError, PairError};
-use super::names::is_service_part;
-use super::plan::{Note, PairPlan};
+use super::names::{is_allowed_in_ros2, is_service_part};
+use super::plan::PairPlan;
 use super::rules::Rules;
 use super::{derive, standard};
-use crate::parser::{Dialect, InterfaceKind, TypeName};
+use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
 use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 
 /// Most types whose definitions are remembered from peers.
@@ -42,8 +42,10 @@ const MD5_DIGITS: usize = 32;
 pub struct Types {
     rules: Rules,
     /// Definitions that publishers have shown, the last one last.
-    announced: BTreeMap<TypeName, Vec<Definition>>,
-    ros1: TypeStore,
+    pub(super) announced: BTreeMap<TypeName, Vec<Definition>>,
+    /// Names that ROS 2 forbids, of types that were met, by those that the types have there.
+    renamed: BTreeMap<TypeName, Vec<TypeName>>,
+    pub(super) ros1: TypeStore,
     ros2: TypeStore,
 }
 
@@ -66,6 +68,7 @@ impl Types {
         Self {
             rules,
             announced: BTreeMap::new(),
+            renamed: BTreeMap::new(),
             ros1: TypeStore::new(Dialect::Ros1, Disk).or(standard::ros1()),
             ros2: ros2.or(standard::ros2()),
         }
@@ -144,6 +147,28 @@ impl Types {
         }
         all.push(definition.clone());
         self.forget_made(before.iter().chain([definition]));
+        self.note_names(definition.resolved.definitions().keys());
+        self.note_action(definition);
+    }
+
+    /// Notes names that ROS 2 forbids, so that the types are found again by those that they have there.
+    pub(super) fn note_names<'n>(&mut self, names: impl IntoIterator<Item = &'n TypeName>) {
+        for name in names.into_iter().filter(|name| !is_allowed_in_ros2(name)) {
+            for ros2 in self.rules.ros2_names(name) {
+                if self.renamed.len() < MAX_ANNOUNCED || self.renamed.contains_key(&ros2) {
+                    let all = self.renamed.entry(ros2).or_default();
+                    if !all.contains(name) && all.len() < MAX_VERSIONS {
+                        all.push(name.clone());
+                    }
+                }
+            }
+        }
+    }
+
+    /// Names that a ROS 2 type may have in ROS 1, the likeliest first, with those that ROS 2 forbids.
+    pub(super) fn ros1_names(&self, ros2: &TypeName) -> Vec<TypeName> {
+        let Self { rules, announced, renamed, .. } = self;
+        ros1_names(rules, announced, renamed, ros2)
     }
 
     /// Forgets the types of ROS 2 that may have been made of these definitions: what their publisher shows has changed.
@@ -160,7 +185,9 @@ impl Types {
     /// [`DefinitionError::Unknown`] where it is not known yet; it may be shown later.
     pub fn definition(&mut self, type_name: &str) -> Result<Definition, DefinitionError> {
         let name = parse_name(InterfaceKind::Message, type_name)?;
-        self.definition_of(&name)
+        let found = self.definition_of(&name)?;
+        self.note_names(found.resolved.definitions().keys());
+        Ok(found)
     }
 
     pub(super) fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
@@ -168,7 +195,7 @@ impl Types {
     }
 
     /// The ROS 1 definition of a message; one that nobody has is what `make` gives.
-    fn definition_or(
+    pub(super) fn definition_or(
         &mut self,
         name: &TypeName,
         make: impl FnOnce(&mut Self, &TypeName) -> Result<ResolvedType, DefinitionError>,
@@ -224,25 +251,11 @@ impl Types {
         shown.or_else(|| self.made_for_ros1(name).ok())
     }
 
-    /// The ROS 1 definition of a service, by its ROS 1 name `package/Type`.
-    ///
-    /// # Errors
-    /// As [`Types::definition`]. ROS 1 servers do not show theirs.
-    pub fn service_definition(
-        &mut self,
-        type_name: &str,
-    ) -> Result<ServiceDefinition, DefinitionError> {
-        let name = parse_name(InterfaceKind::Service, type_name)?;
-        match self.found_for_ros1(&name, ServiceDefinition::from_store) {
-            Err(DefinitionError::Resolve(error)) if is_missing(&error, &name) => {
-                ServiceDefinition::new(&self.made_for_ros1(&name)?, &BTreeMap::new())
-            }
-            found => found,
-        }
-    }
-
     /// Makes a ROS 1 type from that of ROS 2.
-    fn made_for_ros1(&mut self, name: &TypeName) -> Result<ResolvedType, DefinitionError> {
+    pub(super) fn made_for_ros1(
+        &mut self,
+        name: &TypeName,
+    ) -> Result<ResolvedType, DefinitionError> {
         let mut looked = Vec::new();
         note_looked(self.ros1.resolve(name), &mut looked);
         for ros2 in self.rules.ros2_names(name) {
@@ -261,7 +274,8 @@ impl Types {
         ros2: &ResolvedType,
         name: &TypeName,
     ) -> Result<ResolvedType, ResolveError> {
-        let Self { rules, announced, ros1, .. } = self;
+        let Self { rules, announced, renamed, ros1, .. } = self;
+        let names = |ros2: &TypeName| ros1_names(rules, announced, renamed, ros2);
         let find = |wanted: &TypeName| {
             let last_of_each = announced.values().filter_map(|all| all.last());
             let mut shown = last_of_each.map(|one| one.resolved.definitions());
@@ -269,7 +283,7 @@ impl Types {
             let shown = own.or_else(|| shown.find_map(|inside| inside.get(wanted)));
             shown.cloned().or_else(|| ros1.resolve(wanted).ok()?.definition().cloned())
         };
-        derive::to_ros1(ros2, name, rules, find)
+        derive::to_ros1(ros2, name, names, find)
     }
 
     /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. An installed one
@@ -280,15 +294,8 @@ impl Types {
     /// When none can be made from it.
     pub fn ros2_type(&mut self, ros1: &ResolvedType) -> Result<ResolvedType, ResolveError> {
         for name in self.rules.ros2_names(ros1.name()) {
-            match self.ros2.resolve_here(&name) {
-                Ok(found) => return Ok(found),
-                Err(error) if is_missing(&error, &name) => {}
-                // It is installed, and a type inside it is not.
-                Err(_) => {
-                    if let Ok(Some(found)) = self.ros2_known(&name) {
-                        return Ok(found);
-                    }
-                }
+            if let Ok(Some(found)) = self.installed(&name, &BTreeMap::new()) {
+                return Ok(found);
             }
         }
         self.made_for_ros2(ros1, &derive::name_in_ros2(ros1.name(), &self.rules))
@@ -306,7 +313,7 @@ impl Types {
             Err(error) => Some(error),
         };
         if name.kind() == InterfaceKind::Message && !is_service_part(name) {
-            for ros1 in self.rules.ros1_names(name) {
+            for ros1 in self.ros1_names(name) {
                 if unusable.is_some() && !self.announced.contains_key(&ros1) {
                     continue;
                 }
@@ -347,7 +354,7 @@ impl Types {
     }
 
     fn made_from_ros1(&mut self, name: &TypeName) -> Option<ResolvedType> {
-        self.rules.ros1_names(name).iter().find_map(|ros1| {
+        self.ros1_names(name).iter().find_map(|ros1| {
             let ros1 = self.definition_of(ros1).ok()?;
             self.made_for_ros2(&ros1.resolved, name).ok()
         })
@@ -359,8 +366,23 @@ impl Types {
         name: &TypeName,
     ) -> Result<ResolvedType, ResolveError> {
         let Self { rules, ros2, .. } = self;
-        let find = |wanted: &TypeName| ros2.resolve_here(wanted).ok()?.definition().cloned();
+        let find =
+            |wanted: &TypeName| ros2.resolve_here(wanted, |_part| None).ok()?.definition().cloned();
         derive::to_ros2(ros1, name, rules, find)
+    }
+
+    /// A type of ROS 2 that is installed, or standard. Of the types inside it, those that are not are the ones in `inside`,
+    /// else as in [`Types::ros2_known`].
+    pub(super) fn installed(
+        &mut self,
+        name: &TypeName,
+        inside: &BTreeMap<TypeName, MessageDefinition>,
+    ) -> Result<Option<ResolvedType>, ResolveError> {
+        match self.ros2.resolve_here(name, |part| inside.get(part).cloned()) {
+            Ok(found) => Ok(Some(found)),
+            Err(error) if is_missing(&error, name) => Ok(None),
+            Err(_) => self.ros2_known(name),
+        }
     }
 
     /// The plan for a ROS 1 message and the ROS 2 type it becomes.
@@ -399,41 +421,6 @@ impl Types {
         Ok((definition, plan))
     }
 
-    /// As [`Types::towards_ros1`], for a type of ROS 2 that is at hand: where publishers have shown several definitions of
-    /// its counterpart, the last one that loses no field counts.
-    ///
-    /// # Errors
-    /// As [`Types::towards_ros1`].
-    pub fn counterpart(
-        &mut self,
-        ros2: &ResolvedType,
-    ) -> Result<(Definition, PairPlan), PairError> {
-        let names = self.rules.ros1_names(ros2.name());
-        let shown = names.iter().find_map(|name| self.announced.get(name));
-        for definition in shown.into_iter().flatten().rev() {
-            if let Ok(plan) = PairPlan::compile(&definition.resolved, ros2, &self.rules)
-                && !plan.notes().iter().any(Note::is_loss)
-            {
-                return Ok((definition.clone(), plan));
-            }
-        }
-        let definition = self.likeliest(ros2.name(), |types, name| {
-            types.definition_or(name, |types, name| Ok(types.derived_for_ros1(ros2, name)?))
-        })?;
-        let plan = PairPlan::compile(&definition.resolved, ros2, &self.rules)?;
-        Ok((definition, plan))
-    }
-
-    /// Plans of a service by its ROS 2 name, for a server or client in ROS 1.
-    ///
-    /// # Errors
-    /// As [`Types::service_definition`] and [`PairPlan::compile`].
-    pub fn service_towards_ros1(&mut self, ros2: &TypeName) -> Result<ServicePlan, PairError> {
-        let definition =
-            self.likeliest(ros2, |types, name| types.service_definition(&super::ros1_name(name)))?;
-        self.service_plan(definition, ros2)
-    }
-
     /// Plans between a service of ROS 1 and one of ROS 2.
     ///
     /// # Errors
@@ -463,7 +450,7 @@ impl Types {
         mut get: impl FnMut(&mut Self, &TypeName) -> Result<T, DefinitionError>,
     ) -> Result<T, DefinitionError> {
         let mut first = None;
-        for name in self.rules.ros1_names(ros2) {
+        for name in self.ros1_names(ros2) {
             match get(self, &name) {
                 Err(error @ DefinitionError::Unknown { .. }) => first = first.or(Some(error)),
                 got => return got,
@@ -474,6 +461,23 @@ impl Types {
             expected: "type of ROS 1",
         }))
     }
+}
+
+/// Names of `ros2` by rule. Those that ROS 2 forbids come before the same name, under which a definition can always be
+/// made, unless a publisher has shown that.
+fn ros1_names(
+    rules: &Rules,
+    announced: &BTreeMap<TypeName, Vec<Definition>>,
+    renamed: &BTreeMap<TypeName, Vec<TypeName>>,
+    ros2: &TypeName,
+) -> Vec<TypeName> {
+    let mut names = rules.ros1_names(ros2);
+    let forbidden = renamed.get(ros2).into_iter().flatten();
+    let forbidden: Vec<_> = forbidden.filter(|name| !names.contains(name)).cloned().collect();
+    let same = names.iter().position(|name| name == ros2 && !announced.contains_key(name));
+    let at = same.unwrap_or(names.len());
+    names.splice(at..at, forbidden);
+    names
 }
 
 /// True when the missing type is `name` itself.

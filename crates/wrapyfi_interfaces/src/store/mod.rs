@@ -243,10 +243,14 @@ impl TypeStore {
         found
     }
 
-    /// As [`TypeStore::resolve`], without what was found elsewhere: as files have it.
-    pub(crate) fn resolve_here(&mut self, name: &TypeName) -> Result<ResolvedType, ResolveError> {
+    /// As [`TypeStore::resolve_with`], without what was found elsewhere: as files have it.
+    pub(crate) fn resolve_here(
+        &mut self,
+        name: &TypeName,
+        part: impl FnMut(&TypeName) -> Option<MessageDefinition>,
+    ) -> Result<ResolvedType, ResolveError> {
         let added = std::mem::take(&mut self.added);
-        let found = self.resolve(name);
+        let found = self.resolve_with(name, part);
         self.added = added;
         found
     }

@@ -24,8 +24,8 @@ fn compile_with(rules: &Rules, ros1: &str, ros2: &str) -> Result<PairPlan, PairE
 
 /// Plans of a service, towards the one that it becomes.
 pub(super) fn service_plan(types: &mut Types, name: &str) -> ServicePlan {
-    let definition = types.service_definition(name).unwrap();
-    let ros2 = types.ros2_service(name).unwrap();
+    let definition = types.service_definition(name, None).unwrap();
+    let ros2 = types.ros2_service(name, None).unwrap();
     types.service_plan(definition, ros2.name()).unwrap()
 }
 

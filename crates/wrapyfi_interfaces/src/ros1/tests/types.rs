@@ -104,7 +104,7 @@ fn definitions_that_lack_or_repeat_are_refused() {
     );
     types.show("lab_msgs/Strange", "*", "uint8 x\n").unwrap();
     types.definition("lab_msgs/Strange").unwrap();
-    let service = types.service_definition("lab_msgs/Strange").unwrap_err().to_string();
+    let service = types.service_definition("lab_msgs/Strange", None).unwrap_err().to_string();
     assert!(service.contains("nodes of ROS 1 do not show those of services"), "{service}");
     assert!(service.contains("have ROS_PACKAGE_PATH lead to its package, or give"), "{service}");
 }
@@ -238,10 +238,11 @@ fn a_type_that_only_ros2_has_goes_to_ros1() {
         .add_definition(&name, "string<=5 what\n---\nbuiltin_interfaces/Time at\nfloat32[] v\n")
         .unwrap();
     let mut types = Types::new(Rules::built_in(), store);
-    let plan = types.service_towards_ros1(&name).unwrap();
-    assert_eq!(plan.definition.text, "string what\n---\ntime at\nfloat32[] v\n");
-    assert_eq!(plan.definition.request_type(), "lab_msgs/MeasureRequest");
-    assert_eq!(to_cdr(&plan.request, b"\x01\0\0\0a").unwrap().0, b"\0\x01\0\0\x02\0\0\0a\0");
+    let ros2 = types.ros2_type_named(&name).unwrap();
+    let (definition, [request, _]) = types.service_counterpart(&ros2, None).unwrap();
+    assert_eq!(definition.text, "string what\n---\ntime at\nfloat32[] v\n");
+    assert_eq!(definition.request_type(), "lab_msgs/MeasureRequest");
+    assert_eq!(to_cdr(&request, b"\x01\0\0\0a").unwrap().0, b"\0\x01\0\0\x02\0\0\0a\0");
 }
 
 #[test]
@@ -520,7 +521,6 @@ fn a_service_shares_a_type_with_a_topic() {
         ("n_msgs/msg/A.msg", "string text\n"),
     ]);
     let shown = "A a\nint32 n\n\n================\nMSG: n_msgs/A\nstring text\n";
-    let ros2_name = TypeName::parse(Dialect::Ros2, "n/srv/S2").unwrap();
     for (ros1, ros2) in [
         (Some(&with_messages), None),
         (Some(&only_service), None),
@@ -535,12 +535,13 @@ fn a_service_shares_a_type_with_a_topic() {
             let definition = types.show("n_msgs/Bb", "*", shown).unwrap();
             let made = types.ros2_type(&definition.resolved).unwrap();
             types.add_ros2(&made);
-            let made =
-                types.ros2_service("n/S2").unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
+            let made = types
+                .ros2_service("n/S2", None)
+                .unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
             types.add_ros2(&made);
-            let plan = types.service_towards_ros1(&ros2_name);
-            let plan = plan.unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
-            assert_eq!((notes(&plan.request), notes(&plan.response)), (Vec::new(), Vec::new()));
+            let found = types.service_counterpart(&made, None);
+            let (_, plans) = found.unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
+            assert_eq!(plans.each_ref().map(notes), [Vec::<String>::new(), Vec::new()]);
         }
     }
 }
@@ -559,42 +560,11 @@ fn the_type_that_is_made_follows_its_publisher() {
     };
     let part = "\n================\nMSG: demo/B\n";
     assert_eq!(made(&format!("B b\n{part}int32 x\n")), ["demo/B b", "int32 x"]);
-    let wider = format!("B b\nint32 more\n{part}int64 x\n");
-    assert_eq!(made(&wider), ["demo/B b", "int32 more", "int64 x"]);
-    assert_eq!(made("int8 x\n"), ["int8 x"]);
-}
-
-/// Two routes took turns: each ended the other with what its publisher showed.
-#[test]
-fn nodes_of_different_versions_each_have_theirs() {
-    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    let part = "B b\n\n================\nMSG: demo/B\n";
-    let shown = [
-        ("demo/A", "int32 code\n".to_owned()),
-        ("demo/A", "int32 code\nstring text\n".to_owned()),
-        ("demo/C", format!("{part}int32 x\n")),
-        ("demo/D", format!("{part}int32 x\nint32 y\n")),
-    ]
-    .map(|(name, text)| types.show(name, "*", &text).unwrap());
-    for _again in 0..2 {
-        for definition in &shown {
-            let made = types.ros2_type(&definition.resolved).unwrap();
-            types.add_ros2(&made);
-            let (counterpart, plan) = types.counterpart(&made).unwrap();
-            assert_eq!(counterpart.md5sum, definition.md5sum, "{}", definition.text);
-            assert_eq!(notes(&plan), Vec::<String>::new(), "{}", definition.text);
-            types.show(&definition.ros1_name(), "*", &definition.text).unwrap();
-        }
+    let text = format!("demo/B b{SEPARATOR}MSG: demo/B\nint32 x\nint32 y\nint32 z\n");
+    for name in ["demo/msg/C", "demo/msg/Other"] {
+        let (found, plan) = types.counterpart(&resolve(Dialect::Ros2, name, &text)).unwrap();
+        assert!(!found.text.contains("int32 z") && !plan.is_whole(), "{}", found.text);
     }
-}
-
-/// A recording of ROS 2 may have both, and its player publishes both on ROS 1.
-#[test]
-fn of_two_versions_that_only_ros2_has_each_goes_to_ros1_whole() {
-    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    for text in ["int32 code\n", "int32 code\nstring text\n"] {
-        let ros2 = resolve(Dialect::Ros2, "lab_msgs/msg/Status", text);
-        types.add_ros2(&ros2);
-        assert_eq!(types.counterpart(&ros2).unwrap().0.text, text);
-    }
+    let unknown = types.ros2_service("demo/Ask", Some("0123456789abcdef0123456789abcdef"));
+    assert_eq!(unknown.unwrap().name().to_string(), "demo/srv/Ask");
 }
