@@ -3,7 +3,9 @@
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y Cargo.toml)}
 export SOURCE_DATE_EPOCH
 # Paths of this machine are in no program. Not in a development build, where everything would be compiled again.
-if [ "${PROFILE:-dist}" = dist ]; then
+# Once, however many scripts read this: other flags would compile everything again.
+if [ "${PROFILE:-dist}" = dist ] && [ -z "${WRAPYFI_REMAPPED:-}" ]; then
+    export WRAPYFI_REMAPPED=1
     remapped=("$PWD=wrapyfi" "$(realpath -m "${CARGO_TARGET_DIR:-target}")=wrapyfi/target" "${CARGO_HOME:-$HOME/.cargo}=cargo")
     # Of the standard library, where its sources are installed.
     remapped+=("$(rustc --print sysroot)=rust")

@@ -48,8 +48,8 @@ struct Times {
 type Figure = fn(&Times) -> &Vec<f64>;
 
 /// The two outer ends.
-struct Ends {
-    publisher: Box<dyn Publisher>,
+pub(crate) struct Ends {
+    pub(crate) publisher: Box<dyn Publisher>,
     listener: Box<dyn Listener>,
     context: Context,
 }
@@ -65,14 +65,14 @@ fn each(nanos: u64, messages: u32) -> f64 {
 }
 
 impl Ends {
-    fn open(bus: &Memory, kind: Kind) -> Result<Self> {
+    pub(crate) fn open(bus: &Memory, kind: Kind) -> Result<Self> {
         let context = Context::default();
         let listener = bus.open_listener(&spec("/out", kind), &context)?;
         let publisher = bus.open_publisher(&spec("/in", kind), &Context::default())?;
         Ok(Self { publisher, listener, context })
     }
 
-    fn take(&mut self) -> Result<()> {
+    pub(crate) fn take(&mut self) -> Result<()> {
         while self.listener.take()?.is_none() {
             let rang = self.context.wake.wait(Duration::from_secs(10));
             anyhow::ensure!(rang, "a message that did not arrive");
@@ -118,7 +118,7 @@ fn carry(bus: &Memory, kind: Kind, is_over: &AtomicBool) -> Result<()> {
 }
 
 /// Waits until what is between the ends is open.
-fn wait_open(ends: &mut Ends, payload: &Payload) -> Result<()> {
+pub(crate) fn wait_open(ends: &mut Ends, payload: &Payload) -> Result<()> {
     for _ in 0..1000 {
         // There may be no listener yet: what is refused now is not an error.
         _ = ends.publisher.publish(payload);

@@ -5,6 +5,8 @@
 mod case;
 mod child;
 mod clock;
+#[cfg(test)]
+mod counts;
 mod engine;
 mod micro;
 mod package;

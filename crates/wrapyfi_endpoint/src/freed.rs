@@ -1,8 +1,8 @@
 //! Memory goes back to the system once much of what waited in this process is gone, and once its start is over.
 //!
 //! ```text
-//!   bytes that wait:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
-//!   the start:        large buffers mapped one by one ──▶ three seconds later: kept for the next, as glibc does it
+//!   bytes that wait, and of routes:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
+//!   the start:  large buffers mapped one by one ──▶ three seconds later: kept for the next, as glibc does it
 //! ```
 //!
 //! glibc keeps what was freed in small pieces for what may come next: a hundred thousand subscriptions that one peer had
@@ -10,17 +10,19 @@
 //!
 //! Contract of the unsafe code here: `malloc_trim` takes a number and no pointer, may be called by any thread at any time,
 //! and gives back pages that no allocation holds. `mallopt` takes two numbers; of those that are set here every `free` of a
-//! large buffer may set both, without a lock, so that any thread may.
+//! large buffer may set two, without a lock, and the third is read where a thread first allocates, so that any thread may.
 
 #![allow(unsafe_code, reason = "a call of glibc for which no crate has a safe one")]
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Mutex, WAITING};
 
 /// Bytes that have waited once; after less nothing is given back.
 const MUCH: usize = 16 << 20;
+/// Bytes of a route that is open, in small pieces: its ends, their names and what DDS keeps of them.
+const OF_ROUTE: usize = 64 << 10;
 /// Time for which less waits: what is gone for a moment comes back.
 const QUIET: Duration = Duration::from_secs(2);
 
@@ -29,18 +31,29 @@ const START: Duration = Duration::from_secs(3);
 
 static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None, start: Start::Waits });
 static STARTS_SMALL: AtomicBool = AtomicBool::new(false);
+static ROUTES: AtomicUsize = AtomicUsize::new(0);
 
-/// Has every large buffer mapped alone and unmapped when it is freed, until [`give_memory_back`] finds that the start is over.
+/// Has every large buffer mapped alone and unmapped when it is freed, until [`give_memory_back`] finds that the start is over,
+/// and for all small ones as many heaps as there are cores.
+///
+/// glibc makes eight for each core, and what one thread has freed in its heap no other thread uses again.
 ///
 /// glibc stops doing so with the first that is freed. A start frees many that it takes for a moment, lists of network
 /// interfaces of 1 MiB each above all, whose pages would stay under what lives as long as the process.
 pub fn start_small() {
     STARTS_SMALL.store(true, Ordering::Relaxed);
     map_from(128 << 10, 128 << 10);
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    set_heaps(libc::c_int::try_from(cores).unwrap_or(1));
 }
 
-/// Looks how much waits in this process, and gives memory back where it was much more, or where the start is over. Threads that
-/// run for as long as the program does call it about twice a second.
+/// Takes note of the number of routes that are open in this process, for [`give_memory_back`].
+pub fn note_routes(count: usize) {
+    ROUTES.store(count, Ordering::Relaxed);
+}
+
+/// Looks how much waits in this process and how many routes are open, and gives memory back where it was much more, or
+/// where the start is over. Threads that run for as long as the program does call it about twice a second.
 pub fn give_memory_back(now: Instant) {
     let Some(mut looks) = LOOKS.try_lock() else { return };
     let started = looks.start.is_over(now);
@@ -48,7 +61,8 @@ pub fn give_memory_back(now: Instant) {
         // The most that glibc would come to by itself: a picture in the heap costs no page fault a page.
         map_from(32 << 20, 16 << 20);
     }
-    if looks.has_fallen(WAITING.used(), now) || started {
+    let used = WAITING.used() + ROUTES.load(Ordering::Relaxed) * OF_ROUTE;
+    if looks.has_fallen(used, now) || started {
         trim();
     }
 }
@@ -125,6 +139,16 @@ fn map_from(bytes: libc::c_int, kept: libc::c_int) {
 
 #[cfg(not(target_env = "gnu"))]
 fn map_from(_bytes: i32, _kept: i32) {}
+
+#[cfg(target_env = "gnu")]
+fn set_heaps(count: libc::c_int) {
+    // SAFETY: as the module says.
+    let set = unsafe { libc::mallopt(libc::M_ARENA_MAX, count) };
+    tracing::debug!(set, count, "heaps");
+}
+
+#[cfg(not(target_env = "gnu"))]
+fn set_heaps(_count: i32) {}
 
 #[cfg(test)]
 mod tests {

@@ -92,7 +92,7 @@ pub use deferred::DeferredMiddleware;
 pub use discovered::{AnnouncedDurability, AnnouncedQos, Discovered, Traffic};
 pub use discovery::{DiscoverError, Discovery, NameFilter};
 pub use forwarding::{ForwardingListener, ForwardingPublisher};
-pub use freed::{give_memory_back, start_small};
+pub use freed::{give_memory_back, note_routes, start_small};
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use interaction::{Interaction, Role};
 pub use latched::{Latched, MAX_ORIGINS};

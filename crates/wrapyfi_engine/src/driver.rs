@@ -22,7 +22,9 @@ use super::replacement::{INACTIVE, REMOVED};
 use super::route::RouteKey;
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use wrapyfi_endpoint::{Cause, EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake};
+use wrapyfi_endpoint::{
+    Cause, EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake, note_routes,
+};
 use wrapyfi_retry::contained;
 
 /// Pause between two looks whether all routes are closed.
@@ -294,6 +296,8 @@ impl Driver {
 
     /// Looks at the rates of the routes, and logs of those whose step takes too long.
     pub(super) fn look_at_members(&self, now: Instant) {
-        self.members().iter().for_each(|member| member.look(now));
+        let members = self.members();
+        note_routes(members.len());
+        members.iter().for_each(|member| member.look(now));
     }
 }

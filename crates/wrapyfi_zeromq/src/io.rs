@@ -92,7 +92,7 @@ impl Io {
             poll,
             ends: BTreeMap::new(),
             ready: BTreeSet::new(),
-            timed: BTreeMap::new(),
+            timed: Timed::default(),
             faults: Throttle::default(),
             pause: Backoff::of_process(4).up_to(backoff::FIRST),
         };
@@ -137,6 +137,36 @@ pub(super) struct IoProgress {
     pub(super) over: bool,
 }
 
+/// Times at which endpoints must be looked at although nothing happens to them.
+#[derive(Default)]
+struct Timed {
+    of: BTreeMap<u64, Instant>,
+    /// The same, the next first: one of a thousand is found without a look at all.
+    order: BTreeSet<(Instant, u64)>,
+}
+
+impl Timed {
+    fn set(&mut self, id: u64, at: Option<Instant>) {
+        let before = match at {
+            Some(at) => self.of.insert(id, at),
+            None => self.of.remove(&id),
+        };
+        if let Some(before) = before {
+            self.order.remove(&(before, id));
+        }
+        self.order.extend(at.map(|at| (at, id)));
+    }
+
+    fn next(&self) -> Option<Instant> {
+        self.order.first().map(|(at, _)| *at)
+    }
+
+    /// Endpoints whose time has come.
+    fn due(&self, now: Instant) -> impl Iterator<Item = u64> {
+        self.order.range(..=(now, u64::MAX)).map(|(_, id)| *id)
+    }
+}
+
 struct Worker {
     handle: Arc<Handle>,
     commands: mpsc::Receiver<Command>,
@@ -144,8 +174,7 @@ struct Worker {
     ends: BTreeMap<u64, Box<dyn IoEndpoint>>,
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
-    /// Times at which endpoints must be looked at although nothing happens to them.
-    timed: BTreeMap<u64, Instant>,
+    timed: Timed,
     faults: Throttle,
     /// Pauses of an endpoint that did something wrong, all of them short.
     pause: Backoff,
@@ -188,7 +217,7 @@ impl Worker {
             if is_over {
                 return;
             }
-            let next = self.timed.values().copied().chain(until).min();
+            let next = self.timed.next().into_iter().chain(until).min();
             let left = next.map(|at| at.saturating_duration_since(Instant::now()));
             let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, wait)
@@ -234,10 +263,10 @@ impl Worker {
     fn look(&mut self) {
         let now = Instant::now();
         let mut due = std::mem::take(&mut self.ready);
-        due.extend(self.timed.iter().filter(|(_, at)| **at <= now).map(|(id, _)| *id));
+        due.extend(self.timed.due(now));
         for id in due {
             let Some(end) = self.ends.get_mut(&id) else {
-                self.timed.remove(&id);
+                self.timed.set(id, None);
                 continue;
             };
             let (registry, faults) = (self.poll.registry(), &mut self.faults);
@@ -247,17 +276,14 @@ impl Worker {
                 && let Some(end) = self.ends.remove(&id)
             {
                 // A time that has passed would be looked at again and again.
-                self.timed.remove(&id);
+                self.timed.set(id, None);
                 end.end();
                 continue;
             }
             if look.more {
                 self.ready.insert(id);
             }
-            match look.timeout {
-                Some(time) => _ = self.timed.insert(id, now + time),
-                None => _ = self.timed.remove(&id),
-            }
+            self.timed.set(id, look.timeout.map(|time| now + time));
         }
     }
 

@@ -8,9 +8,7 @@
 //! ```
 //!
 //! The broker's XPUB reports each connection that comes and each one that goes, by unsubscription,
-//! closed connection or missed heartbeats. The one exception: libzmq does not say whose
-//! subscription it reports, and a connection that subscribes to a topic twice ends both at once, so
-//! it leaves a count that is one too high.
+//! closed connection or missed heartbeats; one that subscribes to a topic twice is counted once.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

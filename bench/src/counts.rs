@@ -1,0 +1,178 @@
+//! Counts of what a message costs, the same on every machine: allocations, bytes allocated, system calls.
+//!
+//! ```text
+//!   encode, decode     payload ◀─▶ frames of ZeroMQ, CDR            buffers of the size of a picture: one or none
+//!   a route            publisher ─▶ /in ─▶ route ─▶ /out ─▶ listener    nothing is copied
+//!   a hop of ZeroMQ    publisher ─▶ broker ─▶ listener              calls that write, of the whole process
+//! ```
+//!
+//! `make check` fails where a count rises. Times are the benchmark's: they decide nothing here.
+
+use std::alloc::System;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Result;
+use bytes::Bytes;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_endpoint::codec::ros;
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{Context, Listener, Middleware as _, Registry};
+use wrapyfi_engine::{Engine, Plan, Route};
+use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig, codec as frames};
+
+use crate::engine::{Ends, wait_open};
+use crate::payload::{Kind, Maker};
+
+#[global_allocator]
+static MEMORY: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// Messages over which a count is made.
+const MESSAGES: usize = 200;
+
+/// Allocations, and bytes allocated, of a message: of all threads, so that a test is to run in a process of its own.
+#[derive(Debug, PartialEq, PartialOrd)]
+struct Cost {
+    allocations: f64,
+    bytes: f64,
+}
+
+/// Mean over some messages, after one that makes what stays.
+fn cost(mut each: impl FnMut() -> Result<()>) -> Result<Cost> {
+    each()?;
+    let region = Region::new(MEMORY);
+    for _ in 0..MESSAGES {
+        each()?;
+    }
+    let spent = region.change();
+    let mean = |count: usize| count as f64 / MESSAGES as f64;
+    Ok(Cost {
+        allocations: mean(spent.allocations + spent.reallocations),
+        bytes: mean(spent.bytes_allocated),
+    })
+}
+
+#[track_caller]
+fn at_most(what: &str, cost: &Cost, allocations: f64, bytes: f64) {
+    println!("{what}: {} allocations, {} bytes", cost.allocations, cost.bytes);
+    assert!(
+        cost.allocations <= allocations && cost.bytes <= bytes,
+        "{what}: {cost:?}, at most {allocations} allocations of {bytes} bytes"
+    );
+}
+
+/// Bytes of an array, a picture or sound, and the allocations beside them that its kind has.
+const CODED: [(Kind, f64); 5] = [
+    (Kind::U8Rgb200, 120e3),
+    (Kind::F32Mib, 1_048_576.0),
+    (Kind::Audio, 35_280.0),
+    (Kind::VgaRgb, 921_600.0),
+    (Kind::FullHdRgb, 6_220_800.0),
+];
+
+#[test]
+fn a_message_of_zeromq_takes_one_buffer_each_way() -> Result<()> {
+    for (kind, size) in CODED {
+        let maker = Maker::new(kind)?;
+        let (spec, payload) = (maker.spec("/t"), maker.payload(1));
+        let text: Vec<Bytes> =
+            frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
+        let encoded = cost(|| Ok(drop(frames::encode(&payload, &spec)?)))?;
+        // Base64 is a third longer than what it stands for.
+        at_most(&format!("encode {}", kind.title()), &encoded, 16.0, size * 4.0 / 3.0 + 2048.0);
+        let stamp = Stamp::default();
+        let decoded = cost(|| Ok(drop(frames::decode(&text, &spec, stamp)?)))?;
+        at_most(&format!("decode {}", kind.title()), &decoded, 24.0, size + 2048.0);
+    }
+    Ok(())
+}
+
+#[test]
+fn cdr_shares_the_memory_of_its_payload() -> Result<()> {
+    let plugins = wrapyfi_plugins::standard();
+    for (kind, _) in CODED {
+        let maker = Maker::new(kind)?;
+        let (payload, message_type) = (maker.payload(1), kind.message_type());
+        let body = Bytes::from(maker.cdr()?.body);
+        let encoded = cost(|| Ok(drop(ros::encode(&payload, message_type, &plugins)?)))?;
+        at_most(&format!("encode {}", kind.title()), &encoded, 24.0, 2048.0);
+        let limits = Limits::default();
+        let decoded = cost(|| Ok(drop(ros::decode(&body, message_type, &limits, &plugins)?)))?;
+        at_most(&format!("decode {}", kind.title()), &decoded, 24.0, 2048.0);
+    }
+    Ok(())
+}
+
+#[test]
+fn a_route_copies_nothing() -> Result<()> {
+    for kind in [Kind::Small, Kind::VgaRgb] {
+        let payload = Maker::new(kind)?.payload(1);
+        let bus = Arc::new(Memory::new("memory"));
+        let mut registry = Registry::new();
+        registry.register(bus.clone());
+        let route =
+            Route::topic("memory:/in".parse()?, "memory:/out".parse()?, kind.message_type());
+        let running = Engine::new(Plan { routes: vec![route] }, &registry).start()?;
+        let mut ends = Ends::open(&bus, kind)?;
+        wait_open(&mut ends, &payload)?;
+        let routed = cost(|| {
+            ends.publisher.publish(&payload)?;
+            ends.take()
+        })?;
+        at_most(&format!("a route of {}", kind.title()), &routed, 16.0, 2048.0);
+        drop(running.stop());
+    }
+    Ok(())
+}
+
+/// Calls of this process that write, as the system counts them.
+fn writes() -> Result<usize> {
+    let counts = std::fs::read_to_string("/proc/self/io")?;
+    let count = counts.lines().find_map(|line| line.strip_prefix("syscw: "));
+    Ok(count.unwrap_or_default().parse()?)
+}
+
+/// The next message.
+fn take(listener: &mut dyn Listener, context: &Context) -> Result<Payload> {
+    loop {
+        if let Some(sample) = listener.take()? {
+            return Ok(sample.payload);
+        }
+        anyhow::ensure!(
+            context.wake.wait(Duration::from_secs(20)),
+            "a message that did not arrive"
+        );
+    }
+}
+
+#[test]
+fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Result<()> {
+    let broker = ZeroMq::start(&ZeroMqConfig {
+        broker: BrokerMode::Embedded,
+        pub_port: 0,
+        sub_port: 0,
+        ..ZeroMqConfig::default()
+    })?;
+    let (maker, context) = (Maker::new(Kind::Small)?, Context::default());
+    let mut listener = broker.open_listener(&maker.spec("/t"), &context)?;
+    let mut publisher = broker.open_publisher(&maker.spec("/t"), &context)?;
+    let payload = maker.payload(1);
+    while publisher.publish(&payload).is_err() || listener.take()?.is_none() {
+        context.wake.wait(Duration::from_millis(10));
+    }
+    while context.wake.wait(Duration::from_millis(200)) {
+        while listener.take()?.is_some() {}
+    }
+    let before = writes()?;
+    let hop = cost(|| {
+        publisher.publish(&payload)?;
+        take(&mut *listener, &context).map(drop)
+    })?;
+    let calls = (writes()? - before) as f64 / MESSAGES as f64;
+    println!("a hop: {calls} calls that write");
+    at_most("a hop of ZeroMQ", &hop, 80.0, 16_384.0);
+    assert!(calls <= 3.0, "{calls} calls that write for each message");
+    Ok(())
+}
