@@ -56,7 +56,6 @@ fn cost(mut each: impl FnMut() -> Result<()>) -> Result<Cost> {
 
 #[track_caller]
 fn at_most(what: &str, cost: &Cost, allocations: f64, bytes: f64) {
-    println!("{what}: {} allocations, {} bytes", cost.allocations, cost.bytes);
     assert!(
         cost.allocations <= allocations && cost.bytes <= bytes,
         "{what}: {cost:?}, at most {allocations} allocations of {bytes} bytes"
@@ -81,10 +80,10 @@ fn a_message_of_zeromq_takes_one_buffer_each_way() -> Result<()> {
             frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
         let encoded = cost(|| Ok(drop(frames::encode(&payload, &spec)?)))?;
         // Base64 is a third longer than what it stands for.
-        at_most(&format!("encode {}", kind.title()), &encoded, 16.0, size * 4.0 / 3.0 + 2048.0);
+        at_most(&format!("encode {}", kind.title()), &encoded, 64.0, size * 4.0 / 3.0 + 2048.0);
         let stamp = Stamp::default();
         let decoded = cost(|| Ok(drop(frames::decode(&text, &spec, stamp)?)))?;
-        at_most(&format!("decode {}", kind.title()), &decoded, 24.0, size + 2048.0);
+        at_most(&format!("decode {}", kind.title()), &decoded, 32.0, size + 2048.0);
     }
     Ok(())
 }
@@ -121,7 +120,7 @@ fn a_route_copies_nothing() -> Result<()> {
             ends.publisher.publish(&payload)?;
             ends.take()
         })?;
-        at_most(&format!("a route of {}", kind.title()), &routed, 16.0, 2048.0);
+        at_most(&format!("a route of {}", kind.title()), &routed, 24.0, 3072.0);
         drop(running.stop());
     }
     Ok(())
@@ -149,15 +148,17 @@ fn take(listener: &mut dyn Listener, context: &Context) -> Result<Payload> {
 
 #[test]
 fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Result<()> {
-    let broker = ZeroMq::start(&ZeroMqConfig {
-        broker: BrokerMode::Embedded,
-        pub_port: 0,
-        sub_port: 0,
-        ..ZeroMqConfig::default()
-    })?;
+    let side = |broker, pub_port, sub_port| {
+        ZeroMq::start(&ZeroMqConfig { broker, pub_port, sub_port, ..ZeroMqConfig::default() })
+    };
+    // Whoever has the broker writes into it directly, and nobody hears his own.
+    let broker = side(BrokerMode::Embedded, 0, 0)?;
+    let ports = (broker.pub_port(), broker.sub_port());
+    let [talks, listens] = [(); 2].map(|()| side(BrokerMode::Foreign, ports.0, ports.1));
+    let (talks, listens) = (talks?, listens?);
     let (maker, context) = (Maker::new(Kind::Small)?, Context::default());
-    let mut listener = broker.open_listener(&maker.spec("/t"), &context)?;
-    let mut publisher = broker.open_publisher(&maker.spec("/t"), &context)?;
+    let mut listener = listens.open_listener(&maker.spec("/t"), &context)?;
+    let mut publisher = talks.open_publisher(&maker.spec("/t"), &Context::default())?;
     let payload = maker.payload(1);
     while publisher.publish(&payload).is_err() || listener.take()?.is_none() {
         context.wake.wait(Duration::from_millis(10));
@@ -170,9 +171,8 @@ fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Resul
         publisher.publish(&payload)?;
         take(&mut *listener, &context).map(drop)
     })?;
-    let calls = (writes()? - before) as f64 / MESSAGES as f64;
-    println!("a hop: {calls} calls that write");
-    at_most("a hop of ZeroMQ", &hop, 80.0, 16_384.0);
-    assert!(calls <= 3.0, "{calls} calls that write for each message");
+    let calls = (writes()? - before) as f64 / (MESSAGES + 1) as f64;
+    at_most("a hop of ZeroMQ", &hop, 64.0, 6144.0);
+    assert!(calls < 2.1, "{calls} calls that write for each message");
     Ok(())
 }

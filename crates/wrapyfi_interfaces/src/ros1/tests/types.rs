@@ -560,11 +560,48 @@ fn the_type_that_is_made_follows_its_publisher() {
     };
     let part = "\n================\nMSG: demo/B\n";
     assert_eq!(made(&format!("B b\n{part}int32 x\n")), ["demo/B b", "int32 x"]);
+    let wider = format!("B b\nint32 more\n{part}int64 x\n");
+    assert_eq!(made(&wider), ["demo/B b", "int32 more", "int64 x"]);
+    assert_eq!(made("int8 x\n"), ["int8 x"]);
+}
+
+/// Two routes took turns: each ended the other with what its publisher showed.
+#[test]
+fn nodes_of_different_versions_each_have_theirs() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let part = "B b\n\n================\nMSG: demo/B\n";
+    let shown = [
+        ("demo/A", "int32 code\n".to_owned()),
+        ("demo/A", "int32 code\nstring text\n".to_owned()),
+        ("demo/C", format!("{part}int32 x\n")),
+        ("demo/D", format!("{part}int32 x\nint32 y\n")),
+    ]
+    .map(|(name, text)| types.show(name, "*", &text).unwrap());
+    for _again in 0..2 {
+        for definition in &shown {
+            let made = types.ros2_type(&definition.resolved).unwrap();
+            types.add_ros2(&made);
+            let (counterpart, plan) = types.counterpart(&made).unwrap();
+            assert_eq!(counterpart.md5sum, definition.md5sum, "{}", definition.text);
+            assert_eq!(notes(&plan), Vec::<String>::new(), "{}", definition.text);
+            types.show(&definition.ros1_name(), "*", &definition.text).unwrap();
+        }
+    }
+    // What no node shows goes in the version that loses least, and the loss is told.
     let text = format!("demo/B b{SEPARATOR}MSG: demo/B\nint32 x\nint32 y\nint32 z\n");
     for name in ["demo/msg/C", "demo/msg/Other"] {
         let (found, plan) = types.counterpart(&resolve(Dialect::Ros2, name, &text)).unwrap();
         assert!(!found.text.contains("int32 z") && !plan.is_whole(), "{}", found.text);
     }
-    let unknown = types.ros2_service("demo/Ask", Some("0123456789abcdef0123456789abcdef"));
-    assert_eq!(unknown.unwrap().name().to_string(), "demo/srv/Ask");
+}
+
+/// A recording of ROS 2 may have both, and its player publishes both on ROS 1.
+#[test]
+fn of_two_versions_that_only_ros2_has_each_goes_to_ros1_whole() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    for text in ["int32 code\n", "int32 code\nstring text\n"] {
+        let ros2 = resolve(Dialect::Ros2, "lab_msgs/msg/Status", text);
+        types.add_ros2(&ros2);
+        assert_eq!(types.counterpart(&ros2).unwrap().0.text, text);
+    }
 }
