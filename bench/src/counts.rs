@@ -40,7 +40,7 @@ struct Cost {
 }
 
 /// Mean over some messages, after one that makes what stays.
-fn cost(mut each: impl FnMut() -> Result<()>) -> Result<Cost> {
+fn cost<T>(mut each: impl FnMut() -> Result<T>) -> Result<Cost> {
     each()?;
     let region = Region::new(MEMORY);
     for _ in 0..MESSAGES {
@@ -78,11 +78,11 @@ fn a_message_of_zeromq_takes_one_buffer_each_way() -> Result<()> {
         let (spec, payload) = (maker.spec("/t"), maker.payload(1));
         let text: Vec<Bytes> =
             frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
-        let encoded = cost(|| Ok(drop(frames::encode(&payload, &spec)?)))?;
+        let encoded = cost(|| Ok(frames::encode(&payload, &spec)?))?;
         // Base64 is a third longer than what it stands for.
         at_most(&format!("encode {}", kind.title()), &encoded, 64.0, size * 4.0 / 3.0 + 2048.0);
         let stamp = Stamp::default();
-        let decoded = cost(|| Ok(drop(frames::decode(&text, &spec, stamp)?)))?;
+        let decoded = cost(|| Ok(frames::decode(&text, &spec, stamp)?))?;
         at_most(&format!("decode {}", kind.title()), &decoded, 32.0, size + 2048.0);
     }
     Ok(())
@@ -95,10 +95,10 @@ fn cdr_shares_the_memory_of_its_payload() -> Result<()> {
         let maker = Maker::new(kind)?;
         let (payload, message_type) = (maker.payload(1), kind.message_type());
         let body = Bytes::from(maker.cdr()?.body);
-        let encoded = cost(|| Ok(drop(ros::encode(&payload, message_type, &plugins)?)))?;
+        let encoded = cost(|| Ok(ros::encode(&payload, message_type, &plugins)?))?;
         at_most(&format!("encode {}", kind.title()), &encoded, 24.0, 2048.0);
         let limits = Limits::default();
-        let decoded = cost(|| Ok(drop(ros::decode(&body, message_type, &limits, &plugins)?)))?;
+        let decoded = cost(|| Ok(ros::decode(&body, message_type, &limits, &plugins)?))?;
         at_most(&format!("decode {}", kind.title()), &decoded, 24.0, 2048.0);
     }
     Ok(())
@@ -169,7 +169,7 @@ fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Resul
     let before = writes()?;
     let hop = cost(|| {
         publisher.publish(&payload)?;
-        take(&mut *listener, &context).map(drop)
+        take(&mut *listener, &context)
     })?;
     let calls = (writes()? - before) as f64 / (MESSAGES + 1) as f64;
     at_most("a hop of ZeroMQ", &hop, 64.0, 6144.0);
