@@ -86,8 +86,10 @@ fmt:
 # With the cameras of the examples, which no other build compiles.
 CAMERAS := --features wrapyfi_communicator_examples/v4l2
 
+# The second without what can be left out, as `make demo` builds it.
 lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
+	@$(CARGO) clippy --package wrapyfi_bridge --no-default-features --locked -- -D warnings
 	@scripts/dependencies.sh
 	@$(PYTHON3) scripts/sentences.py
 	@$(PYTHON3) scripts/circles.py

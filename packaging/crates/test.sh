@@ -32,7 +32,7 @@ wrapyfi=$folder/root/bin/wrapyfi
 "$here/scripts/lo-namespace.sh" "$wrapyfi" demo --seconds 5 >"$folder/demo.log" 2>&1 ||
     { tail -n 30 "$folder/demo.log" >&2; fail "wrapyfi demo --seconds 5"; }
 echo 'endpoints: { zeromq: { curve: { server_key: "Yne@$w-vo<fVvi]a<NY6T1ed:M$fCG*[IaLV{hID" } } }
-routes: []' >"$folder/curve.yaml"
+routes: [{ from: "zeromq:/camera", to: "ros2:/camera", type: Image }]' >"$folder/curve.yaml"
 "$wrapyfi" check "$folder/curve.yaml" >/dev/null || fail "a configuration with keys is refused"
 cargo uninstall --quiet --root "$folder/root" wrapyfi_bridge 2>/dev/null
 ! find "$folder/root" -type f ! -name '.crates*' | grep . || fail "removal left something, above"

@@ -46,6 +46,7 @@ pub struct SurveyArgs {
     #[arg(default_value = "ros:")]
     pub graph: RosGraph,
     /// Bag of ROS 1 to look at instead of nodes: its topics alone, with the rates and sizes that it has.
+    #[cfg(feature = "bags")]
     #[arg(long, value_name = "FILE")]
     pub bag: Option<PathBuf>,
     /// File of the report, Markdown; the configuration stands beside it, with the ending .yaml.

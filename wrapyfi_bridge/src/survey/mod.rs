@@ -6,6 +6,7 @@
 //!   bag ──────────┘
 //! ```
 
+#[cfg(feature = "bags")]
 mod bag;
 mod facts;
 mod measured;
@@ -24,6 +25,7 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 use wrapyfi_ros1::{Registered, Ros1, is_anonymous};
 
+#[cfg(feature = "bags")]
 use self::bag::InBag;
 use self::facts::{Entry, Facts, RECONFIGURE};
 use crate::command::definitions;
@@ -50,8 +52,14 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     let routes_file = args.output.with_extension("yaml");
     check_output(&args.output, &routes_file)?;
     let mut known = Known::of(args)?;
-    let (facts, damage) = match &args.bag {
-        Some(bag) => of_bag(bag, &mut known, args, shutdown)?,
+    let of_bag: Option<(Facts, Vec<String>)> = None;
+    #[cfg(feature = "bags")]
+    let of_bag = match &args.bag {
+        Some(bag) => Some(self::of_bag(bag, &mut known, args, shutdown)?),
+        None => of_bag,
+    };
+    let (facts, damage) = match of_bag {
+        Some(found) => found,
         None => (of_graph(&mut known, args, shutdown)?, Vec::new()),
     };
     let name = |file: &Path| {
@@ -121,6 +129,7 @@ impl Known {
 }
 
 /// Facts of a bag, and the places of it that could not be read.
+#[cfg(feature = "bags")]
 fn of_bag(
     file: &Path,
     known: &mut Known,
