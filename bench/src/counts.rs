@@ -10,16 +10,15 @@
 
 use std::alloc::System;
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::Result;
 use bytes::Bytes;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::memory::Memory;
-use wrapyfi_endpoint::{Context, Listener, Middleware as _, Registry};
+use wrapyfi_endpoint::{Context, Middleware as _, Registry};
 use wrapyfi_engine::{Engine, Plan, Route};
 use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig, codec as frames};
 
@@ -133,19 +132,6 @@ fn writes() -> Result<usize> {
     Ok(count.unwrap_or_default().parse()?)
 }
 
-/// The next message.
-fn take(listener: &mut dyn Listener, context: &Context) -> Result<Payload> {
-    loop {
-        if let Some(sample) = listener.take()? {
-            return Ok(sample.payload);
-        }
-        anyhow::ensure!(
-            context.wake.wait(Duration::from_secs(20)),
-            "a message that did not arrive"
-        );
-    }
-}
-
 #[test]
 fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Result<()> {
     let side = |broker, pub_port, sub_port| {
@@ -157,19 +143,17 @@ fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Resul
     let [talks, listens] = [(); 2].map(|()| side(BrokerMode::Foreign, ports.0, ports.1));
     let (talks, listens) = (talks?, listens?);
     let (maker, context) = (Maker::new(Kind::Small)?, Context::default());
-    let mut listener = listens.open_listener(&maker.spec("/t"), &context)?;
-    let mut publisher = talks.open_publisher(&maker.spec("/t"), &Context::default())?;
+    let mut ends = Ends {
+        listener: listens.open_listener(&maker.spec("/t"), &context)?,
+        publisher: talks.open_publisher(&maker.spec("/t"), &Context::default())?,
+        context,
+    };
     let payload = maker.payload(1);
-    while publisher.publish(&payload).is_err() || listener.take()?.is_none() {
-        context.wake.wait(Duration::from_millis(10));
-    }
-    while context.wake.wait(Duration::from_millis(200)) {
-        while listener.take()?.is_some() {}
-    }
+    wait_open(&mut ends, &payload)?;
     let before = writes()?;
     let hop = cost(|| {
-        publisher.publish(&payload)?;
-        take(&mut *listener, &context)
+        ends.publisher.publish(&payload)?;
+        ends.take()
     })?;
     let calls = (writes()? - before) as f64 / (MESSAGES + 1) as f64;
     at_most("a hop of ZeroMQ", &hop, 64.0, 6144.0);

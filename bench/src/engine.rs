@@ -50,8 +50,8 @@ type Figure = fn(&Times) -> &Vec<f64>;
 /// The two outer ends.
 pub(crate) struct Ends {
     pub(crate) publisher: Box<dyn Publisher>,
-    listener: Box<dyn Listener>,
-    context: Context,
+    pub(crate) listener: Box<dyn Listener>,
+    pub(crate) context: Context,
 }
 
 fn spec(topic: &str, kind: Kind) -> TopicSpec {
