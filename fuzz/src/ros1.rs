@@ -1,7 +1,7 @@
 //! Targets of ROS 1 types: a definition as a peer shows it, messages of a pair of types, rules for pairs.
 
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
-use wrapyfi_interfaces::ros1::{BadText, Definition, Options, PairPlan, Rules, Types};
+use wrapyfi_interfaces::ros1::{Definition, Options, PairPlan, Rules, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::{bounded, measure};
@@ -20,8 +20,7 @@ const YAML: usize = 1024;
 /// A big-endian message is read into values first, as every message of the target `dynamic`.
 const GROWTH_BIG_ENDIAN: usize = 4096;
 /// Small limits, so that what exceeds them is small, too.
-const OPTIONS: Options =
-    Options { message_bytes: 1 << 16, elements: 1 << 13, bad_text: BadText::Replace };
+const OPTIONS: Options = Options { message_bytes: 1 << 16, elements: 1 << 13 };
 
 /// A definition text: read, or refused for a reason; what was read is described in ROS 2 and has a
 /// plan.
@@ -47,7 +46,7 @@ pub fn ros1_definition(data: &[u8]) {
 }
 
 /// A ROS 1 definition, a line `----`, a ROS 2 definition (none: as made from the first), a line `----`, a byte that
-/// chooses the direction and what becomes of bad strings, then a message: of ROS 1, or in CDR with its
+/// chooses the direction, then a message: of ROS 1, or in CDR with its
 /// encapsulation header.
 pub fn ros1_messages(data: &[u8]) {
     let then = THEN.as_bytes();
@@ -63,19 +62,13 @@ pub fn ros1_messages(data: &[u8]) {
     };
     let Some((choice, message)) = message.split_first() else { return };
     let Some(plan) = plan(ros1, ros2) else { return };
-    let bad_text = match choice / 2 % 3 {
-        0 => BadText::Replace,
-        1 => BadText::Keep,
-        _ => BadText::Refuse,
-    };
-    let options = Options { bad_text, ..OPTIONS };
     let mut out = b"before".to_vec();
     let growth = if message.starts_with(&[0, 0]) { GROWTH_BIG_ENDIAN } else { GROWTH };
     let carried = bounded(message.len() + OPTIONS.message_bytes, growth, || {
         if choice % 2 == 0 {
-            plan.to_cdr(message, &options, &mut out)
+            plan.to_cdr(message, &OPTIONS, &mut out)
         } else {
-            plan.to_ros1(message, 7, &options, &mut out)
+            plan.to_ros1(message, 7, &OPTIONS, &mut out)
         }
     });
     assert!(out.starts_with(b"before"), "what was there stays");
@@ -83,7 +76,7 @@ pub fn ros1_messages(data: &[u8]) {
     let Ok(_) = carried else { return assert!(written.is_empty(), "nothing of a refused message") };
     assert!(written.len() <= OPTIONS.message_bytes + 4);
     // The written message is read, and from then on nothing changes any more.
-    let wide = Options { message_bytes: usize::MAX, elements: usize::MAX, ..options };
+    let wide = Options { message_bytes: usize::MAX, elements: usize::MAX };
     let (mut there, mut back, mut again) = (Vec::new(), Vec::new(), Vec::new());
     if choice % 2 == 0 {
         plan.to_ros1(&written, 7, &wide, &mut there).expect("its own CDR");

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use serde_json::Value;
 use wrapyfi_interfaces::ros1::{Definition, Options, PairPlan, Rules, Types};
-use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 /// Packages without which the test would show little. Their types are built in.
 const PACKAGES: [&str; 11] = [
@@ -154,16 +154,18 @@ fn carry(prefix: &Path, python: &Path) -> BTreeMap<String, usize> {
         let of_service = (text(vector, "kind") == "srv").then(|| {
             let definition = types.service_definition(name, None).unwrap();
             let ros2 = types.ros2_service(name, None).unwrap();
-            let plan = types.service_plan(definition, ros2.name()).unwrap();
-            let found = (plan.definition.md5sum.as_str(), plan.definition.text.as_str());
+            let found = (definition.md5sum.as_str(), definition.text.as_str());
             assert_eq!(found, (text(vector, "md5"), text(vector, "text")), "{name}");
-            plan
+            let plan = |ros1: &ResolvedType, suffix| {
+                PairPlan::compile(ros1, &ros2.part(suffix).unwrap(), types.rules()).unwrap()
+            };
+            [plan(&definition.request, "_Request"), plan(&definition.response, "_Response")]
         });
         let of_message = of_service.is_none().then(|| checks_of_a_message(&mut types, vector));
         for message in vector["messages"].as_array().unwrap() {
             let plan = match (&of_service, &of_message, text(message, "part")) {
-                (Some(service), _, "Request") => &service.request,
-                (Some(service), _, _) => &service.response,
+                (Some([request, _]), _, "Request") => request,
+                (Some([_, response]), ..) => response,
                 (None, plan, _) => plan.as_ref().unwrap(),
             };
             let bytes = unhex(text(message, "ros1"));

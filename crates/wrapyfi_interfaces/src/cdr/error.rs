@@ -57,22 +57,6 @@ pub enum CdrError {
         /// The byte where NUL should be.
         last: u8,
     },
-    /// A string is not UTF-8.
-    #[error("{path} is a string that is not UTF-8 from its byte {valid_up_to} on")]
-    NotUtf8 {
-        /// The field.
-        path: String,
-        /// Bytes before the fault.
-        valid_up_to: usize,
-    },
-    /// A wide string is not UTF-16.
-    #[error("{path} is a wide string that is not UTF-16 at its code unit {index}")]
-    NotUtf16 {
-        /// The field.
-        path: String,
-        /// Code units before the fault.
-        index: usize,
-    },
 }
 
 impl CdrError {
@@ -96,9 +80,7 @@ impl CdrError {
             Self::TooLarge { .. } | Self::Encapsulation(_) | Self::Trailing(_) => "",
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
-            | Self::Unterminated { path, .. }
-            | Self::NotUtf8 { path, .. }
-            | Self::NotUtf16 { path, .. } => path,
+            | Self::Unterminated { path, .. } => path,
         }
     }
 
@@ -108,9 +90,7 @@ impl CdrError {
             Self::TooLarge { .. } | Self::Encapsulation(_) | Self::Trailing(_) => {}
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
-            | Self::Unterminated { path, .. }
-            | Self::NotUtf8 { path, .. }
-            | Self::NotUtf16 { path, .. } => *path = change(path),
+            | Self::Unterminated { path, .. } => *path = change(path),
         }
     }
 }

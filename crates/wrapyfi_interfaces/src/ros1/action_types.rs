@@ -154,23 +154,11 @@ impl Types {
         Ok(self.rules().ros2_names(&parse_name(InterfaceKind::Action, type_name)?))
     }
 
-    /// Message that carries a part of an action on ROS 1, by the name of the part in ROS 2, such as
-    /// `demo/action/Count_Goal`.
-    ///
-    /// # Errors
-    /// [`DefinitionError::Unknown`] where nobody has it, and when a definition is there and cannot be used.
-    pub fn action_message(
-        &mut self,
-        ros2_part: &TypeName,
-    ) -> Result<ActionMessage, DefinitionError> {
-        self.likeliest(ros2_part, |types, name| types.action_message_of(name, None))
-    }
-
     /// The action of ROS 2 for one of ROS 1, given by its ROS 1 name `package/Type`: as installed, else made from it. Its
     /// messages are those that its own server, and a client of it, have `shown`, as far as they have.
     ///
     /// # Errors
-    /// As [`Types::action_message`], for the part that is missing.
+    /// [`DefinitionError::Unknown`] for the part that nobody has, and when a definition is there and cannot be used.
     pub fn ros2_action(
         &mut self,
         type_name: &str,
@@ -226,8 +214,8 @@ impl Types {
         }
     }
 
-    /// As [`Types::action_message`], by the name of the part in ROS 1.
-    /// What nobody has is made from the part in ROS 2, where that is `at_hand`.
+    /// Message that carries a part of an action on ROS 1, by the name of the part there, such as
+    /// `demo/action/Count_Goal`. What nobody has is made from the part in ROS 2, where that is `at_hand`.
     pub(super) fn action_message_of(
         &mut self,
         name: &TypeName,

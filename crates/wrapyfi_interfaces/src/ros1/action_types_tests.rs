@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::path::PathBuf;
 
-use super::super::{PairPlan, Rules};
+use super::super::Rules;
 use super::*;
 use crate::store::TypeStore;
 
@@ -37,10 +37,6 @@ impl Drop for Folder {
     }
 }
 
-fn part(name: &str) -> TypeName {
-    TypeName::parse(Dialect::Ros2, name).unwrap()
-}
-
 fn fields(resolved: &ResolvedType) -> Vec<String> {
     resolved.definition().unwrap().fields.iter().map(|field| field.name.clone()).collect()
 }
@@ -50,16 +46,16 @@ fn fields(resolved: &ResolvedType) -> Vec<String> {
 fn an_action_file_gives_the_messages_of_genaction() {
     let folder = Folder::new("action-file", "action/Fibonacci.action", FIBONACCI);
     let mut types = folder.types();
+    let made = types.ros2_action("demo/Fibonacci", &[]).unwrap();
     for (name, md5sum) in [
         ("Goal", "006871c7fa1d0e3d5fe2226bf17b2a94"),
         ("Result", "bee73a9fe29ae25e966e105f5553dd03"),
         ("Feedback", "73b8497a9f629a31c0020900e4148f07"),
     ] {
-        let found = types.action_message(&part(&format!("demo/action/Fibonacci_{name}"))).unwrap();
-        assert_eq!(found.message.ros1_name(), format!("demo/FibonacciAction{name}"));
-        assert_eq!(found.message.md5sum, md5sum, "{name}");
+        let (message, _) = types.counterpart(&made.part(&format!("_{name}")).unwrap()).unwrap();
+        assert_eq!(message.ros1_name(), format!("demo/FibonacciAction{name}"));
+        assert_eq!(message.md5sum, md5sum, "{name}");
     }
-    let made = types.ros2_action("demo/Fibonacci", &[]).unwrap();
     assert_eq!(made.name().to_string(), "demo/action/Fibonacci");
     assert_eq!(fields(&made.part("_Goal").unwrap()), ["order"]);
     assert!(made.part("_SendGoal_Request").is_some());
@@ -99,9 +95,7 @@ fn an_action_that_nobody_has_is_learned_from_what_publishers_show() {
     assert_eq!(fields(&made.part("_Goal").unwrap()), ["goal", "result", "feedback"]);
     assert_eq!(fields(&made.part("_Result").unwrap()), ["result"]);
     for suffix in ["_Goal", "_Result", "_Feedback"] {
-        let ros2 = made.part(suffix).unwrap();
-        let ros1 = types.action_message(ros2.name()).unwrap();
-        PairPlan::compile(&ros1.part, &ros2, types.rules()).unwrap();
+        types.counterpart(&made.part(suffix).unwrap()).unwrap();
     }
 }
 
@@ -121,9 +115,10 @@ fn an_action_of_ros_2_gives_the_messages_of_ros_1() {
     let name = TypeName::parse(Dialect::Ros2, "lab_interfaces/action/Fibonacci").unwrap();
     ros2.add_definition(&name, FIBONACCI).unwrap();
     let mut types = Types::new(Rules::built_in(), ros2);
-    let goal = types.action_message(&part("lab_interfaces/action/Fibonacci_Goal")).unwrap();
-    assert_eq!(goal.message.ros1_name(), "lab_interfaces/FibonacciActionGoal");
-    assert_eq!(goal.message.md5sum, "006871c7fa1d0e3d5fe2226bf17b2a94");
+    let goal = types.ros2_type_named(&name).unwrap().part("_Goal").unwrap();
+    let (message, _) = types.counterpart(&goal).unwrap();
+    assert_eq!(message.ros1_name(), "lab_interfaces/FibonacciActionGoal");
+    assert_eq!(message.md5sum, "006871c7fa1d0e3d5fe2226bf17b2a94");
 }
 
 #[test]
@@ -143,9 +138,7 @@ fn a_rule_brings_actions_of_different_names_and_fields_together() {
     let found = types.ros2_action("demo/Fibonacci", &[]).unwrap();
     assert_eq!(found.name(), &name);
     for suffix in ["_Goal", "_Result", "_Feedback"] {
-        let ros2 = found.part(suffix).unwrap();
-        let ros1 = types.action_message(ros2.name()).unwrap();
-        let plan = PairPlan::compile(&ros1.part, &ros2, types.rules()).unwrap();
+        let (_, plan) = types.counterpart(&found.part(suffix).unwrap()).unwrap();
         assert_eq!(plan.notes().iter().filter(|note| note.is_loss()).count(), 0);
     }
     let mut known = TypeStore::empty();

@@ -46,6 +46,6 @@ pub use action_types::ActionMessage;
 pub use definition::{Definition, ServiceDefinition};
 pub use error::{DefinitionError, PairError, TranscodeError, TypedField};
 pub use names::ros1_name;
-pub use plan::{BadText, Note, Options, PairPlan, Transcoded};
+pub use plan::{Note, Options, PairPlan, Transcoded};
 pub use rules::Rules;
-pub use types::{ServicePlan, Types};
+pub use types::Types;

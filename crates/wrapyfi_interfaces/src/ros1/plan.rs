@@ -111,33 +111,19 @@ impl fmt::Display for Note {
     }
 }
 
-/// Treatment of strings that are not UTF-8, which ROS 2 wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BadText {
-    /// U+FFFD stands for the bytes at fault, as ROS 1's Python has it.
-    #[default]
-    Replace,
-    /// Bytes go over as they are: readers in C++ take them, Python's fail.
-    Keep,
-    /// The message is refused.
-    Refuse,
-}
-
-/// Limits of one message, and what to do with bad strings.
+/// Limits of one message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
     /// Most bytes, of what is read and of what is written.
     pub message_bytes: usize,
     /// Most texts and messages in sequences, counted over the whole message.
     pub elements: usize,
-    /// Strings that are not UTF-8.
-    pub bad_text: BadText,
 }
 
 impl Default for Options {
-    /// 64 MiB, 16 Mi elements, bad bytes replaced.
+    /// 64 MiB, 16 Mi elements.
     fn default() -> Self {
-        Self { message_bytes: 64 << 20, elements: 16 << 20, bad_text: BadText::Replace }
+        Self { message_bytes: 64 << 20, elements: 16 << 20 }
     }
 }
 
@@ -147,7 +133,7 @@ impl Default for Options {
 pub struct Transcoded {
     /// Strings with a NUL inside, which ends them in ROS 2.
     pub cut_texts: u32,
-    /// Strings that are not UTF-8: repaired or kept, as [`Options::bad_text`] says.
+    /// Strings that are not UTF-8, in which U+FFFD stands for the bytes at fault, as ROS 1's Python has it.
     pub bad_texts: u32,
     /// Times whose seconds are 2^31 or more in ROS 1 (from the year 2038 on), or negative in ROS 2: the
     /// same 32 bits stand for another time on the other side.

@@ -3,9 +3,8 @@
 //! | in a string | becomes | counted in |
 //! | --- | --- | --- |
 //! | NUL | its end, as ROS 2's middlewares have it | `cut_texts` |
-//! | bytes that are no UTF-8 | U+FFFD, or as [`BadText`] says | `bad_texts` |
+//! | bytes that are no UTF-8 | U+FFFD | `bad_texts` |
 
-use super::BadText;
 use super::error::TranscodeError;
 use super::op::Text;
 use super::run::Work;
@@ -41,16 +40,9 @@ impl<const F: bool, const T: bool> Work<'_, F, T> {
         match std::str::from_utf8(text) {
             Ok(valid) if op.to_wide => self.put_wide(op, std::iter::once(Ok(valid))),
             Ok(_valid) => self.put_bytes(op, text),
-            Err(error) => {
+            Err(_not_utf8) => {
                 self.done.bad_texts = self.done.bad_texts.saturating_add(1);
-                match self.options.bad_text {
-                    BadText::Refuse => {
-                        let (path, valid_up_to) = (self.path(op.at), error.valid_up_to());
-                        Err(CdrError::NotUtf8 { path, valid_up_to }.into())
-                    }
-                    BadText::Keep if !op.to_wide => self.put_bytes(op, text),
-                    BadText::Keep | BadText::Replace => self.put_repaired(op, text),
-                }
+                self.put_repaired(op, text)
             }
         }
     }
@@ -123,22 +115,15 @@ impl<const F: bool, const T: bool> Work<'_, F, T> {
         let units =
             units.iter().map(|unit| u16::try_from(u32::from_le_bytes(*unit)).unwrap_or(0xd800));
         let mut length = 0_usize;
-        let mut index = 0;
-        let mut bad = None;
+        let mut is_bad = false;
         for c in char::decode_utf16(units.clone()) {
             let c = c.unwrap_or_else(|_lone| {
-                bad.get_or_insert(index);
+                is_bad = true;
                 char::REPLACEMENT_CHARACTER
             });
-            index += c.len_utf16();
             length = length.saturating_add(c.len_utf8());
         }
-        if let Some(index) = bad {
-            self.done.bad_texts = self.done.bad_texts.saturating_add(1);
-            if self.options.bad_text == BadText::Refuse {
-                return Err(CdrError::NotUtf16 { path: self.path(op.at), index }.into());
-            }
-        }
+        self.done.bad_texts = self.done.bad_texts.saturating_add(u32::from(is_bad));
         self.put_length(op, length)?;
         let mut buffer = [0; 4];
         for c in char::decode_utf16(units) {

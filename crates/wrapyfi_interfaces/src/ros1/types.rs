@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 
-use super::definition::{Definition, ServiceDefinition, parse_name};
+use super::definition::{Definition, parse_name};
 use super::error::{DefinitionError, PairError};
 use super::names::{is_allowed_in_ros2, is_service_part};
 use super::plan::PairPlan;
@@ -47,19 +47,6 @@ pub struct Types {
     renamed: BTreeMap<TypeName, Vec<TypeName>>,
     pub(super) ros1: TypeStore,
     ros2: TypeStore,
-}
-
-/// Plans of a service.
-#[derive(Debug, Clone)]
-pub struct ServicePlan {
-    /// The ROS 1 service: its checksum and types.
-    pub definition: ServiceDefinition,
-    /// Name of the ROS 2 service.
-    pub ros2: TypeName,
-    /// Plan of the message that the client sends.
-    pub request: PairPlan,
-    /// Plan of the message that the server answers.
-    pub response: PairPlan,
 }
 
 impl Types {
@@ -392,55 +379,6 @@ impl Types {
     pub fn plan(&mut self, ros1: &Definition) -> Result<PairPlan, PairError> {
         let ros2 = self.ros2_type(&ros1.resolved)?;
         PairPlan::compile(&ros1.resolved, &ros2, &self.rules)
-    }
-
-    /// The plan for a ROS 1 message and a ROS 2 type that the user chose.
-    ///
-    /// # Errors
-    /// As [`Types::ros2_type_named`] and [`PairPlan::compile`].
-    pub fn plan_to(&mut self, ros1: &Definition, ros2: &TypeName) -> Result<PairPlan, PairError> {
-        let ros2 = self.ros2_type_named(ros2)?;
-        PairPlan::compile(&ros1.resolved, &ros2, &self.rules)
-    }
-
-    /// Definition and plan for what is published to ROS 1 from a ROS 2 type: under the ROS 1 name that
-    /// the user chose, else the likeliest that is known.
-    ///
-    /// # Errors
-    /// [`DefinitionError::Unknown`] where the ROS 1 type is not known yet, and as [`PairPlan::compile`].
-    pub fn towards_ros1(
-        &mut self,
-        ros2: &TypeName,
-        ros1: Option<&str>,
-    ) -> Result<(Definition, PairPlan), PairError> {
-        let definition = match ros1 {
-            Some(name) => self.definition(name)?,
-            None => self.likeliest(ros2, Self::definition_of)?,
-        };
-        let plan = self.plan_to(&definition, ros2)?;
-        Ok((definition, plan))
-    }
-
-    /// Plans between a service of ROS 1 and one of ROS 2.
-    ///
-    /// # Errors
-    /// As [`PairPlan::compile`].
-    pub fn service_plan(
-        &mut self,
-        definition: ServiceDefinition,
-        ros2: &TypeName,
-    ) -> Result<ServicePlan, PairError> {
-        let known = self.ros2_known(ros2)?;
-        let mut plan = |ros1: &ResolvedType, suffix| {
-            let part = match known.as_ref().and_then(|known| known.part(suffix)) {
-                Some(part) => part,
-                None => self.made_for_ros2(ros1, &ros2.derived(suffix))?,
-            };
-            PairPlan::compile(ros1, &part, &self.rules)
-        };
-        let request = plan(&definition.request, "_Request")?;
-        let response = plan(&definition.response, "_Response")?;
-        Ok(ServicePlan { definition, ros2: ros2.clone(), request, response })
     }
 
     /// The first ROS 1 name of a ROS 2 type that has a definition.

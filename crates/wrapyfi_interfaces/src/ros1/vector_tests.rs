@@ -7,7 +7,7 @@ use hmac_sha256::Hash;
 use serde_json::Value;
 
 use super::standard_text::names;
-use super::tests::service_plan;
+use super::tests::service;
 use super::{Options, PairPlan, Rules, Transcoded, Types};
 use crate::parser::{Dialect, TypeName};
 use crate::store::TypeStore;
@@ -30,10 +30,9 @@ fn sha256(text: &str) -> String {
 fn plans(types: &mut Types, vector: &Value) -> (BTreeMap<&'static str, PairPlan>, String, String) {
     let name = text(vector, "type");
     if text(vector, "kind") == "srv" {
-        let plan = service_plan(types, name);
-        assert_eq!(plan.ros2.to_string(), text(vector, "ros2"));
-        let plans = BTreeMap::from([("Request", plan.request), ("Response", plan.response)]);
-        let definition = plan.definition;
+        let (definition, ros2, [request, response]) = service(types, name);
+        assert_eq!(ros2.name().to_string(), text(vector, "ros2"));
+        let plans = BTreeMap::from([("Request", request), ("Response", response)]);
         return (plans, definition.md5sum, definition.text);
     }
     let definition = types.definition(name).unwrap();

@@ -32,12 +32,12 @@ fn is_same(one: &MessageDefinition, other: &MessageDefinition) -> bool {
 }
 
 impl Types {
-    /// As [`Types::towards_ros1`], for a type of ROS 2 that is at hand: where publishers have shown several definitions of
-    /// its counterpart, or of the types inside, the last one that loses no field counts. That of a part of an action is
-    /// the message around it, and the plan that of the part.
+    /// Definition and plan for what is published to ROS 1 from a type of ROS 2 that is at hand, under the likeliest name
+    /// that it has there: where publishers have shown several definitions of it, or of the types inside, the last one that
+    /// loses no field counts. That of a part of an action is the message around it, and the plan that of the part.
     ///
     /// # Errors
-    /// As [`Types::towards_ros1`].
+    /// As [`Types::definition`] and [`PairPlan::compile`].
     pub fn counterpart(
         &mut self,
         ros2: &ResolvedType,

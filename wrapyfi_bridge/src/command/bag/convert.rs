@@ -51,7 +51,7 @@ pub fn run(args: &ConvertArgs, shutdown: &Shutdown) -> Result<()> {
     }
     let path = args.out.clone().unwrap_or_else(|| args.bag.with_extension("mcap"));
     let place = Place::new(&path)?;
-    let options = Options { message_bytes, elements: usize::MAX, ..Options::default() };
+    let options = Options { message_bytes, elements: usize::MAX };
     let mut conversion = Conversion::new(types, options);
     let topics: BTreeSet<String> = args.topics.iter().cloned().collect();
     check_topics(&topics, &bag, &mut conversion)

@@ -107,8 +107,7 @@ impl Source {
         let kind = if begin == BAG {
             let limits = Limits { message_bytes: MOST_BYTES, ..Limits::default() };
             let bag = BagReader::open(file, limits).map_err(|error| fault(&error))?;
-            let options =
-                Options { message_bytes: MOST_BYTES, elements: usize::MAX, ..Options::default() };
+            let options = Options { message_bytes: MOST_BYTES, elements: usize::MAX };
             let conversion = Conversion::new(types(definitions)?, options);
             let (bag, conversion) = (Box::new(bag), Box::new(conversion));
             Kind::Bag { bag, conversion, indices: BTreeMap::new(), losses: Throttle::default() }

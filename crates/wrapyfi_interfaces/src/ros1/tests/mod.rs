@@ -22,11 +22,18 @@ fn compile_with(rules: &Rules, ros1: &str, ros2: &str) -> Result<PairPlan, PairE
     PairPlan::compile(&ros1, &resolve(Dialect::Ros2, "demo/msg/A", ros2), rules)
 }
 
-/// Plans of a service, towards the one that it becomes.
-pub(super) fn service_plan(types: &mut Types, name: &str) -> ServicePlan {
+/// A service, the one that it becomes, and the plans of its request and response.
+pub(super) fn service(
+    types: &mut Types,
+    name: &str,
+) -> (ServiceDefinition, ResolvedType, [PairPlan; 2]) {
     let definition = types.service_definition(name, None).unwrap();
     let ros2 = types.ros2_service(name, None).unwrap();
-    types.service_plan(definition, ros2.name()).unwrap()
+    let plan = |ros1: &ResolvedType, suffix| {
+        PairPlan::compile(ros1, &ros2.part(suffix).unwrap(), types.rules()).unwrap()
+    };
+    let plans = [plan(&definition.request, "_Request"), plan(&definition.response, "_Response")];
+    (definition, ros2, plans)
 }
 
 fn to_cdr(plan: &PairPlan, ros1: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {

@@ -166,7 +166,7 @@ fn types_inside_one_of_a_folder_are_looked_for_along_the_same_line() {
     let plan = types.plan(&report).unwrap();
     assert_eq!(plan.ros2_type().to_string(), "lab_msgs/msg/Report");
     assert!(notes(&plan).iter().all(|note| note.contains(".seq is")), "{:?}", notes(&plan));
-    service_plan(&mut types, "lab_msgs/Look");
+    service(&mut types, "lab_msgs/Look");
 }
 
 #[test]
@@ -193,14 +193,14 @@ fn what_a_publisher_shows_is_used_whatever_lies_on_the_disk() {
 fn a_type_that_was_found_elsewhere_counts() {
     let pair = resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int32 a\nint32 b\n");
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    let unknown = types.towards_ros1(pair.name(), None).unwrap_err();
-    assert!(matches!(unknown, PairError::Definition(DefinitionError::Unknown { .. })), "{unknown}");
+    let unknown = types.definition("lab_msgs/Pair").unwrap_err();
+    assert!(matches!(unknown, DefinitionError::Unknown { .. }), "{unknown}");
     types.add_ros2(&pair);
-    let (definition, _plan) = types.towards_ros1(pair.name(), None).unwrap();
+    let definition = types.definition("lab_msgs/Pair").unwrap();
     assert_eq!(definition.text, "int32 a\nint32 b\n");
     // The known definition stays.
     types.add_ros2(&resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int8 a\n"));
-    assert_eq!(types.towards_ros1(pair.name(), None).unwrap().0, definition);
+    assert_eq!(types.definition("lab_msgs/Pair").unwrap(), definition);
 }
 
 #[test]
@@ -217,7 +217,8 @@ fn a_type_that_only_ros2_has_goes_to_ros1() {
         store.add_definition(&TypeName::parse(Dialect::Ros2, name).unwrap(), text).unwrap();
     }
     let mut types = Types::new(Rules::built_in(), store);
-    let (definition, plan) = types.towards_ros1(&name, None).unwrap();
+    let ros2 = types.ros2_type_named(&name).unwrap();
+    let (definition, plan) = types.counterpart(&ros2).unwrap();
     let text = definition.text.as_str();
     assert!(
         text.starts_with(
@@ -248,22 +249,23 @@ fn a_type_that_only_ros2_has_goes_to_ros1() {
 #[test]
 fn services_that_wrapyfi_makes_by_hand_have_its_checksums() {
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    let plan = service_plan(&mut types, "wrapyfi_services/ROSImage");
-    assert_eq!(plan.definition.md5sum, "f720f2021b4bbbe86b0f93b08906381c");
-    assert_eq!(plan.definition.request_type(), "std_msgs/String");
-    assert_eq!(plan.definition.response_type(), "sensor_msgs/Image");
-    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2ImageService");
+    let (definition, ros2, [_, response]) = service(&mut types, "wrapyfi_services/ROSImage");
+    assert_eq!(definition.md5sum, "f720f2021b4bbbe86b0f93b08906381c");
+    assert_eq!(definition.request_type(), "std_msgs/String");
+    assert_eq!(definition.response_type(), "sensor_msgs/Image");
+    assert_eq!(ros2.name().to_string(), "wrapyfi_ros2_interfaces/srv/ROS2ImageService");
     let image = types.definition("sensor_msgs/Image").unwrap();
     let image = types.plan(&image).unwrap();
     let bytes = [&[0; 16 + 8], b"\x05\0\0\0mono8\0\x01\0\0\0\x02\0\0\0ab".as_slice()].concat();
-    assert_eq!(to_cdr(&plan.response, &bytes), to_cdr(&image, &bytes));
-    assert_eq!(to_ros1(&plan.response, &to_cdr(&image, &bytes).unwrap().0).unwrap().0, bytes);
-    let plan = service_plan(&mut types, "wrapyfi_services/ROSNativeObject");
-    assert_eq!(plan.definition.md5sum, "46a550fd1ca640b396e26ebf988aed7b");
-    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService");
-    let (cdr, _) = to_cdr(&plan.request, b"\x02\0\0\0[]").unwrap();
+    assert_eq!(to_cdr(&response, &bytes), to_cdr(&image, &bytes));
+    assert_eq!(to_ros1(&response, &to_cdr(&image, &bytes).unwrap().0).unwrap().0, bytes);
+    let (definition, ros2, [request, response]) =
+        service(&mut types, "wrapyfi_services/ROSNativeObject");
+    assert_eq!(definition.md5sum, "46a550fd1ca640b396e26ebf988aed7b");
+    assert_eq!(ros2.name().to_string(), "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService");
+    let (cdr, _) = to_cdr(&request, b"\x02\0\0\0[]").unwrap();
     assert_eq!(cdr, b"\0\x01\0\0\x03\0\0\0[]\0");
-    assert_eq!(to_ros1(&plan.response, &cdr).unwrap().0, b"\x02\0\0\0[]");
+    assert_eq!(to_ros1(&response, &cdr).unwrap().0, b"\x02\0\0\0[]");
 }
 
 #[test]
