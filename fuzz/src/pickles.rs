@@ -26,7 +26,6 @@ pub fn pickle(data: &[u8]) {
             return;
         }
     };
-    assert!(read.end() <= body.len());
     walk(&read);
 }
 
@@ -45,9 +44,9 @@ fn walk(pickle: &Pickle) {
             View::Dict(pairs) => open.extend(pairs.iter().flat_map(|(key, value)| [key, value])),
             View::Persistent(id) => open.push(id),
             View::Call(call) => {
-                open.extend(call.args().iter().chain(call.items().iter()));
+                open.extend(call.args().iter());
                 open.extend(call.pairs().iter().flat_map(|(key, value)| [key, value]));
-                open.extend(call.kwargs().into_iter().chain(call.find_state()));
+                open.extend(call.find_state());
             }
             _ => {}
         }

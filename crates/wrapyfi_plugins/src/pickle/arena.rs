@@ -76,12 +76,7 @@ pub(super) struct CallData {
     pub(super) callable: NodeId,
     /// A tuple.
     pub(super) args: NodeId,
-    /// A dict.
-    pub(super) kwargs: Option<NodeId>,
-    /// True for `cls.__new__(cls, *args)`, false for `callable(*args)`.
-    pub(super) new: bool,
     pub(super) state: Option<NodeId>,
-    pub(super) items: Vec<NodeId>,
     pub(super) pairs: Vec<(NodeId, NodeId)>,
 }
 
@@ -94,7 +89,7 @@ pub(super) struct CallData {
 /// // pickle.dumps(5), and two bytes that are no part of it
 /// let data = b"\x80\x02K\x05.\xff\xff".to_vec().into();
 /// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
-/// assert_eq!((pickle.root().int()?, pickle.end()), (5, 5));
+/// assert_eq!(pickle.root().int()?, 5);
 /// # Ok::<(), pickle::PickleError>(())
 /// ```
 #[derive(Debug)]
@@ -103,16 +98,9 @@ pub struct Pickle {
     pub(super) buffers: Vec<Bytes>,
     pub(super) arena: Arena,
     pub(super) root: NodeId,
-    pub(super) end: usize,
 }
 
 impl Pickle {
-    /// Length of the pickle in bytes; the bytes that follow are no part of it.
-    #[must_use]
-    pub fn end(&self) -> usize {
-        self.end
-    }
-
     pub(super) fn bytes(&self, span: Span) -> &[u8] {
         self.data.get(span.start..span.end).unwrap_or_default()
     }

@@ -26,7 +26,8 @@ impl Machine<'_> {
         match self.arena.kind_mut(target) {
             Some(Kind::List(members)) if !set => members.extend_from_slice(items),
             Some(Kind::Set(members)) if set => members.extend_from_slice(items),
-            Some(Kind::Call(call)) => call.items.extend_from_slice(items),
+            // No plug-in reads what is appended to an object.
+            Some(Kind::Call(_)) => {}
             _ => return Err(self.not_a(target, if set { "a set" } else { "a list" })),
         }
         Ok(())
@@ -101,15 +102,7 @@ impl Machine<'_> {
                 return self.push(plain);
             }
         }
-        self.push(Kind::Call(Box::new(CallData {
-            callable,
-            args,
-            kwargs,
-            new,
-            state: None,
-            items: Vec::new(),
-            pairs: Vec::new(),
-        })))
+        self.push(Kind::Call(Box::new(CallData { callable, args, state: None, pairs: Vec::new() })))
     }
 
     /// Notes the state of an object. No `__setstate__` runs, and attributes of anything that is not

@@ -10,8 +10,7 @@ use super::trail::PathStep;
 /// An object as its pickle describes it.
 ///
 /// ```text
-///   callable(*args)   or   cls.__new__(cls, *args, **kwargs)
-///      then  __setstate__(state)  then  append each item  then  set each pair
+///   callable(*args)   or   cls.__new__(cls, *args)   then  __setstate__(state)  then  set each pair
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct PickleCall<'p> {
@@ -52,16 +51,6 @@ impl<'p> PickleCall<'p> {
         self.args().get(index)
     }
 
-    /// Keyword arguments, a `dict`, where the pickle has any.
-    pub fn kwargs(&self) -> Option<Node<'p>> {
-        self.data.kwargs.map(|id| self.node.child(id, PathStep::Kwargs))
-    }
-
-    /// True where a class makes an instance without running its `__init__`.
-    pub fn is_new(&self) -> bool {
-        self.data.new
-    }
-
     /// State that the object's `__setstate__` would receive.
     ///
     /// # Errors
@@ -73,11 +62,6 @@ impl<'p> PickleCall<'p> {
     /// State that the object's `__setstate__` would receive, if it has one.
     pub fn find_state(&self) -> Option<Node<'p>> {
         self.data.state.map(|id| self.node.child(id, PathStep::State))
-    }
-
-    /// Items that would be appended to the object.
-    pub fn items(&self) -> Items<'p> {
-        Items { owner: self.node, step: PathStep::Item, ids: &self.data.items }
     }
 
     /// Keys and values that would be set in the object, as in an `OrderedDict`.

@@ -66,13 +66,7 @@ pub fn read(data: &Bytes, buffers: &[Bytes], allowed: &Allowed, limits: &Limits)
             break root;
         }
     };
-    Ok(Pickle {
-        data: data.clone(),
-        buffers: buffers.to_vec(),
-        arena: machine.arena,
-        root,
-        end: machine.scanner.at,
-    })
+    Ok(Pickle { data: data.clone(), buffers: buffers.to_vec(), arena: machine.arena, root })
 }
 
 impl<'a> Machine<'a> {

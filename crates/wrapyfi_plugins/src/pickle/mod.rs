@@ -24,7 +24,8 @@
 //! | out-of-band buffers | shared with the list that came beside the pickle |
 //! | lists, tuples, dicts, sets, frozensets | the same; also where they are made by `list(…)`, `set(…)` and so on |
 //! | `_codecs.encode(text, 'latin1')`, `bytes(…)`, `bytearray(…)` | bytes: how older protocols write them |
-//! | a function or class applied to arguments, its state, what is appended to it | a `Call`: written down, not done |
+//! | a function or class applied to arguments, its state, what is set in it | a `Call`: written down, not done |
+//! | keyword arguments of a class, what is appended to an object | passed over: no plug-in reads them |
 //! | a persistent id | its id, in `Allowed::TORCH` only |
 //!
 //! The same object used twice is one node; one that holds itself is read, and walked to a limit.

@@ -146,10 +146,8 @@ impl<'p> Node<'p> {
         for step in self.trail.steps() {
             match step {
                 PathStep::Index(index) => path += &format!("[{index}]"),
-                PathStep::Item(index) => path += &format!(".items[{index}]"),
                 PathStep::Arg(index) => path += &format!(".args[{index}]"),
                 PathStep::KeyAt(index) => path += &format!(".keys[{index}]"),
-                PathStep::Kwargs => path += ".kwargs",
                 PathStep::State => path += ".state",
                 PathStep::Persistent => path += ".id",
                 PathStep::Key(id) => {

@@ -31,7 +31,6 @@ fn bytes_behind_the_end_are_somebody_elses() {
     let data = Bytes::from_static(b"\x80\x04N.\xff\xff\xff");
     let pickle = read(&data, &[], &Allowed::BUILTINS, &Limits::default()).unwrap();
     assert!(pickle.root().is_none());
-    assert_eq!(pickle.end(), 4);
 }
 
 #[test]
@@ -47,12 +46,10 @@ fn objects_keep_all_that_was_done_to_them() {
     let pickle =
         accept(b"\x80\x02cpandas.core.frame\nDataFrame\nK\x01\x85\x81(Vitem\ne(Vkey\nK\x02u}b.");
     let call = pickle.root().call("pandas.core.frame.DataFrame").unwrap();
-    assert!(call.is_new() && call.kwargs().is_none());
     assert_eq!(call.arg(0).unwrap().int().unwrap(), 1);
-    assert_eq!(call.items().get(0).unwrap().str().unwrap(), "item");
     assert_eq!(call.pairs().get("key").unwrap().int().unwrap(), 2);
     assert!(call.state().unwrap().dict().unwrap().is_empty());
-    let error = call.items().get(1).unwrap_err().to_string();
+    let error = call.arg(1).unwrap_err().to_string();
     let wanted = "$ should be something with at least 2 parts, it is an object of \
                   pandas.core.frame.DataFrame with 1";
     assert!(error.starts_with(wanted), "{error}");
@@ -61,10 +58,9 @@ fn objects_keep_all_that_was_done_to_them() {
 }
 
 #[test]
-fn keyword_arguments_are_kept() {
+fn keyword_arguments_are_passed_over() {
     let pickle = accept(b"\x80\x04\x8c\x05numpy\x8c\x05dtype\x93)}\x8c\x01kK\x01s\x92.");
-    let call = pickle.root().call("numpy.dtype").unwrap();
-    assert_eq!(call.kwargs().unwrap().dict().unwrap().get("k").unwrap().int().unwrap(), 1);
+    assert!(pickle.root().call("numpy.dtype").unwrap().args().is_empty());
 }
 
 #[test]

@@ -6,13 +6,11 @@ use super::arena::NodeId;
 #[derive(Debug, Clone, Copy)]
 pub(super) enum PathStep {
     Index(u32),
-    Item(u32),
     Arg(u32),
     /// The value under a key.
     Key(NodeId),
     /// The n-th key.
     KeyAt(u32),
-    Kwargs,
     State,
     Persistent,
 }
