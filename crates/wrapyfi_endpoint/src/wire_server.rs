@@ -97,10 +97,6 @@ impl<W: ServerWire> WireServer<W> {
         let (service, timeout) = (spec.service.clone(), spec.timeout);
         Self { wire, requests, service, timeout, open: BTreeMap::new(), next: 0 }
     }
-    /// The part of the middleware.
-    pub fn wire(&self) -> &W {
-        &self.wire
-    }
 
     fn clock(&self) -> &Clock {
         &self.requests.context().clock

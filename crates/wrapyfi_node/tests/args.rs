@@ -138,7 +138,7 @@ fn outcome(argv: &[String], files: &Value, declared: &Value) -> Value {
         "service": service("serve"),
         "param_services": [service("~/describe_parameters")],
         "logger": node.name.logger_name(),
-        "effective_level": args.log_level_of(&node.name.logger_name()).number().to_string(),
+        "effective_level": args.log_levels().effective(&node.name.logger_name()).number().to_string(),
         "enclave": [args.enclave],
         "params": params,
         "overrides": overrides,

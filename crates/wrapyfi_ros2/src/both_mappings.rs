@@ -76,10 +76,6 @@ impl CdrClient for Client {
     fn look_again(&self) -> Option<Duration> {
         sooner(self.cyclone.look_again(), self.fast_dds.look_again())
     }
-
-    fn lost(&mut self) -> u64 {
-        self.cyclone.lost().max(self.fast_dds.lost())
-    }
 }
 
 /// A server on CycloneDDS that no client needs yet.

@@ -212,10 +212,6 @@ impl<L: Send> CdrClient for CycloneClient<L> {
     fn look_again(&self) -> Option<Duration> {
         self.ends.look_again()
     }
-
-    fn lost(&mut self) -> u64 {
-        self.ends.reader.events().take_lost()
-    }
 }
 
 /// Keys of the clients whose requests came last.

@@ -35,7 +35,6 @@ pub(super) struct NodeState {
     types: Mutex<TypeDescriptions>,
     time: Mutex<RosTime>,
     lines: Mutex<VecDeque<(Stamp, LogLine)>>,
-    lost_lines: AtomicU64,
     refused_requests: AtomicU64,
     pub(super) wake: Wake,
 }
@@ -47,7 +46,6 @@ impl NodeState {
             types: Mutex::default(),
             time: Mutex::new(time),
             lines: Mutex::default(),
-            lost_lines: AtomicU64::new(0),
             refused_requests: AtomicU64::new(0),
             wake,
         }
@@ -112,8 +110,7 @@ impl NodeHandle {
         use_them(&mut self.0.types())
     }
 
-    /// Publishes a line on `/rosout`. Never blocks on the network; when too many wait, the oldest
-    /// is dropped and counted.
+    /// Publishes a line on `/rosout`. Never blocks on the network; when too many wait, the oldest is dropped.
     pub fn log(&self, line: LogLine) {
         if IN_NODE_THREAD.get() {
             return;
@@ -122,7 +119,6 @@ impl NodeHandle {
         let mut lines = self.0.lines.lock();
         if lines.len() >= MAX_LINES {
             lines.pop_front();
-            self.0.lost_lines.fetch_add(1, Relaxed);
         }
         lines.push_back((stamp, line));
         drop(lines);
@@ -141,11 +137,6 @@ impl NodeHandle {
             let time = shared.time.lock();
             RosNow { stamp: time.now(Stamp::now()), simulated: time.is_simulated() }
         })
-    }
-
-    /// Number of log lines that were dropped because too many waited.
-    pub fn lost_lines(&self) -> u64 {
-        self.0.lost_lines.load(Relaxed)
     }
 
     /// Requests to the node that were refused unanswered: malformed, too large, or of another

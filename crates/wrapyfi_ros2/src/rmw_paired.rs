@@ -167,10 +167,6 @@ impl CdrClient for PairedClient {
     fn servers(&self) -> Peers {
         self.ends.peers()
     }
-
-    fn lost(&mut self) -> u64 {
-        self.ends.lost()
-    }
 }
 
 pub(super) struct PairedServer {

@@ -193,19 +193,14 @@ pub struct Reader<R> {
     topics: Vec<RecordedTopic>,
     schemas: Schemas,
     channels: BTreeMap<u16, usize>,
-    bounds_ns: Option<(u64, u64)>,
     /// Memory of packed chunks, used again and again.
     chunk: Vec<u8>,
 }
 
 impl<R> std::fmt::Debug for Reader<R> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { size, topics, bounds_ns, .. } = self;
-        f.debug_struct("Reader")
-            .field("size", size)
-            .field("topics", topics)
-            .field("bounds_ns", bounds_ns)
-            .finish_non_exhaustive()
+        let Self { size, topics, .. } = self;
+        f.debug_struct("Reader").field("size", size).field("topics", topics).finish_non_exhaustive()
     }
 }
 
@@ -249,7 +244,6 @@ impl<R: Read + Seek> Reader<R> {
             topics: Vec::new(),
             schemas: Schemas::new(),
             channels: BTreeMap::new(),
-            bounds_ns: None,
             chunk: Vec::new(),
         };
         if let Some(summary) = indexed {
@@ -261,11 +255,6 @@ impl<R: Read + Seek> Reader<R> {
     /// Topics that are known: all where the recording has its index, else those that were met.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.topics
-    }
-
-    /// Times of the first message and of the last in nanoseconds since 1970, where the recording says so.
-    pub fn bounds_ns(&self) -> Option<(u64, u64)> {
-        self.bounds_ns
     }
 
     /// True where reading has come to a place behind which the recording was not ended: it was killed, or the file is cut.
@@ -363,9 +352,6 @@ impl<R: Read + Seek> Reader<R> {
             topic.messages = counts.map(|counts| counts.get(id).copied().unwrap_or(0));
             add(&mut self.topics, &mut self.channels, *id, topic);
         }
-        let chunks = summary.chunk_indexes.iter().filter(|it| it.message_end_time > 0);
-        let times = chunks.map(|chunk| (chunk.message_start_time, chunk.message_end_time));
-        self.bounds_ns = times.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
     }
 }
 

@@ -204,11 +204,6 @@ impl<W: Write + Seek> Writer<W> {
         Ok(self.inner.flush()?)
     }
 
-    /// Topics with their numbers of messages.
-    pub fn topics(&self) -> impl Iterator<Item = (&Topic, u64)> {
-        self.topics.iter().map(|written| (&written.topic, written.messages))
-    }
-
     /// Ends the recording, and returns the file with what is in it. `file` is its name, which `metadata.yaml` has.
     ///
     /// # Errors

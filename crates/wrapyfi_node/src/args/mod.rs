@@ -33,7 +33,7 @@ use parameters::Overrides;
 use remap::{RemapRule, Scope};
 
 use super::name::check_enclave;
-use super::{LogLevel, NameError, NodeName};
+use super::{NameError, NodeName};
 use wrapyfi_data::types::ParameterValue;
 
 /// Most arguments of one command line.
@@ -229,12 +229,6 @@ impl RosArgs {
     /// Parameters given for the node with this fully qualified name.
     pub fn parameters_for(&self, fqn: &str) -> BTreeMap<String, ParameterValue> {
         self.overrides.for_node(fqn)
-    }
-
-    /// Level of a logger, by its own level, those above it and the one for all.
-    #[doc(hidden)]
-    pub fn log_level_of(&self, logger: &str) -> LogLevel {
-        self.log_levels.effective(logger)
     }
 
     /// Levels that were given, for all loggers and for single ones.

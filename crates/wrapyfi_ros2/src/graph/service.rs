@@ -161,11 +161,6 @@ pub trait CdrClient: Send {
     fn look_again(&self) -> Option<Duration> {
         None
     }
-
-    /// Replies lost before they could be taken, since the last call.
-    fn lost(&mut self) -> u64 {
-        0
-    }
 }
 
 /// Answers the requests to one service.

@@ -184,8 +184,4 @@ impl CdrClient for Client {
     fn servers(&self) -> Peers {
         self.endpoints.state.lock().end.pair().remotes.lock().peers()
     }
-
-    fn lost(&mut self) -> u64 {
-        self.endpoints.state.lock().end.pair().take_lost()
-    }
 }

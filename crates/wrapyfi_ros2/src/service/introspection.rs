@@ -187,10 +187,6 @@ impl CdrClient for Told<Box<dyn CdrClient>> {
     fn look_again(&self) -> Option<Duration> {
         self.0.look_again()
     }
-
-    fn lost(&mut self) -> u64 {
-        self.0.lost()
-    }
 }
 
 impl CdrServer for Told<Box<dyn CdrServer>> {
