@@ -1,6 +1,7 @@
 //! `make bench`: codecs, raw transports, our bridge and Python Wrapyfi measured in one run.
 //!
-//! `README.md` beside this describes the method; `RESULTS.md` and `plot.svg` hold the last figures.
+//! `README.md` beside this describes the method; `RESULTS.md` and `plot.svg` hold the last figures. A whole run writes
+//! the table of the repository's README as well.
 
 mod case;
 mod child;
@@ -24,14 +25,14 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum as _};
 
-use case::Case;
+use case::{Case, Way};
 use micro::Micro;
 use python::{Library, Python};
 use report::Target;
 use turn::Bench;
-use ways::Ways;
+use ways::{HOPS, Ways};
 use wire::{Place, Wire};
 
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
@@ -219,8 +220,19 @@ fn run(cli: &Cli) -> Result<()> {
         text += &format!("## Turns that failed\n\n* {}\n", notes.0.join("\n* "));
     }
     std::fs::create_dir_all(out)?;
-    std::fs::write(out.join("plot.svg"), ways.plot())?;
+    std::fs::write(out.join("plot.svg"), ways.plot(Way::value_variants()))?;
     report::put(&out.join("RESULTS.md"), &text)?;
+    if cli.out.is_none() && only.is_none() {
+        std::fs::write(repository.join("docs/hops.svg"), ways.plot(&HOPS))?;
+        let text = format!(
+            "{}\n![One hop](docs/hops.svg)\n\n{}\n{}, {} rounds; in brackets 95 % intervals.\n",
+            ways.hops(),
+            report::shown(&targets),
+            report::machine(),
+            cli.rounds
+        );
+        report::put(&repository.join("README.md"), &text)?;
+    }
     Notes::say(&format!("{:.0} s; results in {}", begin.elapsed().as_secs_f64(), out.display()));
     writeln!(std::io::stdout(), "{}", report::table(&targets))?;
     let failed = notes.0.len();

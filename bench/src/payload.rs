@@ -141,18 +141,7 @@ impl Maker {
     /// Message number `seq`; shares the bulk of its bytes with the others.
     pub(crate) fn payload(&self, seq: u32) -> Payload {
         let mut payload = self.prototype.clone();
-        let number = BASE + seq;
-        let stamp = Stamp { sec: number.cast_signed(), nanosec: 0 };
-        match &mut payload {
-            Payload::Image(image) => image.stamp = stamp,
-            Payload::AudioChunk(sound) => sound.stamp = stamp,
-            Payload::NativeObject(value) => {
-                if let Value::Map(map) = &mut value.value {
-                    map.insert("seq", number);
-                }
-            }
-            _ => {}
-        }
+        number_payload(&mut payload, seq);
         payload
     }
 
@@ -190,6 +179,22 @@ impl Maker {
         }
         let found = memmem::find(body, BASE.to_string().as_bytes());
         found.context("no number in the text of a native object")
+    }
+}
+
+/// Makes a payload message number `seq`.
+pub(crate) fn number_payload(payload: &mut Payload, seq: u32) {
+    let number = BASE + seq;
+    let stamp = Stamp { sec: number.cast_signed(), nanosec: 0 };
+    match payload {
+        Payload::Image(image) => image.stamp = stamp,
+        Payload::AudioChunk(sound) => sound.stamp = stamp,
+        Payload::NativeObject(value) => {
+            if let Value::Map(map) = &mut value.value {
+                map.insert("seq", number);
+            }
+        }
+        _ => {}
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::proc;
 
-/// Lines of `RESULTS.md` between which a run writes.
+/// Lines of `RESULTS.md` and of the README between which a run writes.
 const BEGIN: &str = "<!-- make bench writes from here -->";
 const END: &str = "<!-- to here -->";
 
@@ -78,6 +78,16 @@ impl Target {
         Self::between(what, limit, value, (value, value), parts)
     }
 
+    /// The figure alone, with its interval.
+    pub(crate) fn figure(&self) -> String {
+        match self.interval {
+            Some((low, high)) if low < high => {
+                format!("{:.2} ({low:.2} to {high:.2})", self.value)
+            }
+            _ => format!("{:.2}", self.value),
+        }
+    }
+
     /// Met or missed where all of the interval is on one side of the limit.
     fn verdict(&self) -> &'static str {
         let sides = |(low, high): (f64, f64)| match self.limit {
@@ -138,8 +148,18 @@ pub(crate) fn table(targets: &[Target]) -> String {
     text
 }
 
+/// Targets that a user of the bridge asks for first, as a list.
+pub(crate) fn shown(targets: &[Target]) -> String {
+    let is_shown = |it: &&Target| {
+        ["bridge ", "1080p"].iter().any(|begin| it.what.starts_with(begin))
+            || it.what.ends_with("at rest: percent of a core")
+    };
+    let line = |it: &Target| format!("* {}: {}, {}\n", it.what, it.figure(), it.parts.trim());
+    targets.iter().filter(is_shown).map(line).collect()
+}
+
 /// Machine of the run, in one line.
-fn machine() -> String {
+pub(crate) fn machine() -> String {
     let field = |path: &str, name: &str| {
         let text = fs::read_to_string(path).unwrap_or_default();
         let found =

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use anyhow::Result;
+use clap::ValueEnum as _;
 
 use crate::case::Case;
 use crate::case::Way::{
@@ -22,6 +23,9 @@ use crate::worker::{Order, Report};
 /// Turns of each case by round: a turn that failed is missing.
 #[derive(Default)]
 pub(crate) struct Ways(BTreeMap<Case, BTreeMap<u32, Turn>>);
+
+/// Ways of one hop whose ends code, for people who choose a library.
+pub(crate) const HOPS: [Way; 3] = [PythonHop, PackageHop, RustHop];
 
 /// Figure of a turn.
 type Figure = fn(&Turn) -> f64;
@@ -167,12 +171,46 @@ impl Ways {
         text
     }
 
-    /// Bars of the medians on a logarithmic axis, 10 us to 1 s, as SVG.
-    pub(crate) fn plot(&self) -> String {
+    /// A row for each payload: one hop through Python Wrapyfi, through our package for Python and through our library.
+    pub(crate) fn hops(&self) -> String {
+        let mut text = String::from(
+            "| one hop, coding included | Python Wrapyfi | the same script on `wrapyfi_rs` | times as fast | Rust | times as fast |\n\
+             | --- | --- | --- | --- | --- | --- |\n",
+        );
+        for &payload in Kind::value_variants() {
+            let [python, package, rust] = HOPS.map(|way| self.series(way, payload, false, p50));
+            if python.is_empty() {
+                continue;
+            }
+            let time = |of: &BTreeMap<u32, f64>| {
+                let figures: Vec<f64> = of.values().copied().collect();
+                format!("{:.2} ms", quantile(&figures, 0.5) / 1e3)
+            };
+            let faster = |ours: &BTreeMap<u32, f64>| {
+                let found = self.ratio(String::new(), Shown, (&python, ours), "us");
+                found.map_or_else(String::new, |it| it.figure())
+            };
+            _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {} | {} |",
+                payload.title(),
+                time(&python),
+                time(&package),
+                faster(&package),
+                time(&rust),
+                faster(&rust),
+            );
+        }
+        text
+    }
+
+    /// Bars of the medians of `of` on a logarithmic axis, 10 us to 1 s, as SVG.
+    pub(crate) fn plot(&self, of: &[Way]) -> String {
+        let rows: Vec<_> = self.0.iter().filter(|(case, _)| of.contains(&case.way)).collect();
         const LEFT: f64 = 480.0;
         const DECADE: f64 = 110.0;
         let at = |micros: f64| LEFT + (micros.log10().clamp(1.0, 6.0) - 1.0) * DECADE;
-        let height = 17 * self.0.len() + 40;
+        let height = 17 * rows.len() + 40;
         let mut text = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1110\" height=\"{height}\" font-family=\"sans-serif\" \
              font-size=\"12\" role=\"img\" aria-label=\"Latency of ways and payloads\">\n\
@@ -186,7 +224,7 @@ impl Ways {
                  text-anchor=\"middle\">{label}</text>"
             );
         }
-        for (row, (case, turns)) in self.0.iter().enumerate() {
+        for (row, (case, turns)) in rows.into_iter().enumerate() {
             let (y, end) =
                 (17 * row + 30, at(quantile(&turns.values().map(p50).collect::<Vec<_>>(), 0.5)));
             let colour = match case.way {
@@ -264,6 +302,17 @@ mod tests {
         let target = ways.ratio(String::new(), AtMost(3.0), (&both[0], &both[1]), "us").unwrap();
         assert!(crate::report::table(&[target]).contains("| 3.00: 30.0 / 10.0 us |  | met |"));
         assert_eq!(ways.table().lines().count(), 6);
-        assert_eq!(ways.plot().matches("<rect x=").count(), 2);
+        assert_eq!(ways.plot(&[RawZmq]).matches("<rect x=").count(), 2);
+        assert_eq!(ways.plot(&HOPS).matches("<rect x=").count(), 0);
+        for round in 1..=6 {
+            for (way, micros) in HOPS.into_iter().zip([3000.0, 1500.0, 1000.0]) {
+                ways.add(round, Case { payload: Small, way, is_other: false }, turn(micros));
+            }
+        }
+        let hops = ways.hops();
+        assert!(
+            hops.ends_with("| small dict | 3.00 ms | 1.50 ms | 2.00 | 1.00 ms | 3.00 |\n"),
+            "{hops}"
+        );
     }
 }

@@ -1,13 +1,13 @@
 //! Our library as a program uses it: payloads in, payloads out, coding included.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::{Context, Middleware as _, PublishError, Publisher};
 use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
 use super::end::{Incoming, LOOK, Outgoing, Place};
 use crate::clock;
-use crate::payload::{Kind, Maker, compress, decompress, number_in_payload};
+use crate::payload::{Kind, Maker, compress, decompress, number_in_payload, number_payload};
 
 fn start(place: &Place) -> Result<ZeroMq> {
     let config = ZeroMqConfig {
@@ -25,33 +25,34 @@ pub(super) struct Out {
     _zeromq: ZeroMq,
     maker: Maker,
     kind: Kind,
-    next: Option<Payload>,
+    next: Payload,
 }
 
 impl Out {
     pub(super) fn new(maker: Maker, place: &Place) -> Result<Self> {
         let zeromq = start(place)?;
         let publisher = zeromq.open_publisher(&maker.spec(&place.topic), &Context::default())?;
-        Ok(Self { publisher, _zeromq: zeromq, maker, kind: place.payload, next: None })
+        let next = maker.payload(0);
+        Ok(Self { publisher, _zeromq: zeromq, maker, kind: place.payload, next })
     }
 }
 
 impl Outgoing for Out {
     fn prepare(&mut self, seq: u32) -> Result<()> {
-        // A camera gives pixels: what makes a file of them is coding, and counts.
-        self.next = Some(match self.kind {
-            Kind::VgaJpeg => self.maker.uncoded(seq)?,
-            _ => self.maker.payload(seq),
-        });
+        match self.kind {
+            // A camera gives pixels: what makes a file of them is coding, and counts.
+            Kind::VgaJpeg => self.next = self.maker.uncoded(seq)?,
+            // As a raw publisher's message is numbered: the processor time of making another is no publisher's.
+            _ => number_payload(&mut self.next, seq),
+        }
         Ok(())
     }
 
     fn send(&mut self) -> Result<()> {
-        let Some(mut payload) = self.next.take() else { bail!("nothing was prepared") };
         if self.kind == Kind::VgaJpeg {
-            payload = compress(payload)?;
+            self.next = compress(self.next.clone())?;
         }
-        match self.publisher.publish(&payload) {
+        match self.publisher.publish(&self.next) {
             // Before the sink is there, as libzmq's PUB has it; what is lost later is counted.
             Ok(_) | Err(PublishError::NoConsumer(_)) => Ok(()),
             Err(error) => Err(error.into()),
