@@ -35,7 +35,7 @@ pub(super) struct Machine<'a> {
 }
 
 /// Reads a pickle of any protocol, 0 to 5, whose out-of-band buffers are `buffers` in their order.
-/// Bytes behind its end are ignored: [`Pickle::end`] says where that is.
+/// Bytes behind its end are ignored.
 ///
 /// Objects may take four times `limits.message_bytes` of memory, and 64 bytes for each one of
 /// `data`, besides what they share with `data` and `buffers`.
