@@ -54,6 +54,15 @@ impl Way {
         matches!(self, Self::ZmqToRos | Self::RosToZmq | Self::RustForward)
     }
 
+    /// Area to which its figures belong.
+    pub(crate) fn area(self) -> &'static str {
+        match self {
+            Self::RawDds | Self::ZmqToRos | Self::RosToZmq => "ros2",
+            Self::PackageHop => "package",
+            _ => "zeromq",
+        }
+    }
+
     /// Payloads that the way is measured with.
     fn payloads(self) -> &'static [Kind] {
         match self {
@@ -117,7 +126,7 @@ impl Case {
     /// Messages as fast as a few unacknowledged ones allow. Fewer than any queue on the way holds,
     /// so that nothing is dropped.
     pub(crate) fn window(self) -> Order {
-        if self.payload == Small && matches!(self.way, Way::RawZmq | Way::OurPublisher) {
+        if self.payload == Small && !self.way.is_coded() {
             return Order::Window { count: 10_000, inflight: 64 };
         }
         let count = match (self.payload, self.way.library().is_some()) {

@@ -25,7 +25,7 @@ use crate::child::Child;
 use crate::clock;
 use crate::payload::{Kind, Maker};
 use crate::report::Limit::AtMost;
-use crate::report::{Target, quantile};
+use crate::report::{Row, Target, quantile};
 use crate::turn::Bench;
 
 /// Turns of each side.
@@ -196,11 +196,15 @@ fn measure() -> Result<Vec<Target>> {
                 both[0].iter().zip(both[1]).map(|(one, other)| one - other).collect();
             let [with, without] = both.map(|times| quantile(times, 0.5));
             targets.push(Target::of(
-                format!(
-                    "engine above raw endpoints in memory, {}, {what}: us a message",
-                    kind.title()
+                Row::new(
+                    "engine",
+                    "us",
+                    format!(
+                        "engine above raw endpoints in memory, {}, {what}: us a message",
+                        kind.title()
+                    ),
                 ),
-                AtMost(2.0),
+                AtMost(1.5),
                 &more,
                 format!("{with:.2} - {without:.2} us"),
             ));

@@ -30,7 +30,7 @@ use clap::{Parser, Subcommand, ValueEnum as _};
 use case::{Case, Way};
 use micro::Micro;
 use python::{Library, Python};
-use report::Target;
+use report::{Run, Target};
 use turn::Bench;
 use ways::{HOPS, Ways};
 use wire::{Place, Wire};
@@ -44,13 +44,13 @@ struct Cli {
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
     #[arg(long)]
     quick: bool,
-    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `scripts`, `stream`, `routes`: only that.
+    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `scripts`, `stream`, `routes`: only that. It is printed.
     #[arg(long)]
     only: Option<String>,
     /// Another `wrapyfi`, of another version: its broker and bridge have a turn after each of this one's.
     #[arg(long)]
     against: Option<PathBuf>,
-    /// Folder for the results; default: this program's own in the repository.
+    /// Folder for the results; default: of a whole run this program's own in the repository.
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(subcommand)]
@@ -123,7 +123,6 @@ impl Notes {
 fn run(cli: &Cli) -> Result<()> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let repository = here.parent().context("the benchmark has no repository around it")?;
-    let out = cli.out.as_deref().unwrap_or(here);
     let folder = tempfile::Builder::new().prefix("wrapyfi_bench_").tempdir()?;
     let bench = Bench::new(folder.path(), cli.against.clone())?;
     let only = cli.only.as_deref();
@@ -211,30 +210,33 @@ fn run(cli: &Cli) -> Result<()> {
         targets.extend(notes.some("400 routes of ROS 1", found).unwrap_or_default());
     }
 
-    let mut text =
-        format!("## Last run\n\n{}\n{coding}", report::head(cli.rounds, &loads, &targets));
+    let run = Run::now(repository, cli.rounds, &loads);
+    let mut text = format!("## Last run\n\n{run}.\n\n{}\n{coding}", report::table(&targets));
     if !cases.is_empty() {
         text += &format!("## Ways and payloads\n\n![Latency](plot.svg)\n\n{}\n", ways.table());
     }
     if !notes.0.is_empty() {
         text += &format!("## Turns that failed\n\n* {}\n", notes.0.join("\n* "));
     }
-    std::fs::create_dir_all(out)?;
-    std::fs::write(out.join("plot.svg"), ways.plot(Way::value_variants()))?;
-    report::put(&out.join("RESULTS.md"), &text)?;
-    if cli.out.is_none() && only.is_none() {
+    // A part of a run takes no place of a whole one.
+    let is_whole = only.is_none() && !cli.quick;
+    if let Some(out) = cli.out.as_deref().or(is_whole.then_some(here)) {
+        std::fs::create_dir_all(out)?;
+        std::fs::write(out.join("plot.svg"), ways.plot(Way::value_variants()))?;
+        report::put(&out.join("RESULTS.md"), &text)?;
+        run.append(&out.join("history.csv"), &targets)?;
+    }
+    if cli.out.is_none() && is_whole {
         std::fs::write(repository.join("docs/hops.svg"), ways.plot(&HOPS))?;
         let text = format!(
-            "{}\n![One hop](docs/hops.svg)\n\n{}\n{}, {} rounds; in brackets 95 % intervals.\n",
+            "{}\n![One hop](docs/hops.svg)\n\n{}\n{run}. In brackets 95 % intervals.\n",
             ways.hops(),
             report::shown(&targets),
-            report::machine(),
-            cli.rounds
         );
         report::put(&repository.join("README.md"), &text)?;
     }
-    Notes::say(&format!("{:.0} s; results in {}", begin.elapsed().as_secs_f64(), out.display()));
-    writeln!(std::io::stdout(), "{}", report::table(&targets))?;
+    Notes::say(&format!("{:.0} s", begin.elapsed().as_secs_f64()));
+    writeln!(std::io::stdout(), "{text}")?;
     let failed = notes.0.len();
     ensure!(failed == 0, "{failed} parts or turns failed; the report names them");
     Ok(())

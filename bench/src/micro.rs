@@ -38,7 +38,7 @@ use wrapyfi_zeromq::codec as frames;
 use crate::payload::{self, Kind, Maker, compress, decode_frames, decompress};
 use crate::python::Python;
 use crate::report::Limit::{AtLeast, AtMost, Shown};
-use crate::report::Target;
+use crate::report::{Row, Target};
 
 /// Estimates of criterion.
 pub(crate) struct Micro {
@@ -126,7 +126,14 @@ impl Micro {
     }
 
     /// One figure over the sum of others.
-    fn ratio(&self, what: String, limit: f64, ours: &str, bounds: &[&str]) -> Option<Target> {
+    fn ratio(
+        &self,
+        area: &'static str,
+        what: String,
+        limit: f64,
+        ours: &str,
+        bounds: &[&str],
+    ) -> Option<Target> {
         let other: Median = bounds.iter().map(|bound| self.median(bound)).sum::<Option<_>>()?;
         let one = self.median(ours)?;
         let (low, high) = (&one.confidence_interval, &other.confidence_interval);
@@ -135,7 +142,7 @@ impl Micro {
         let parts =
             format!("{:.2} / {:.2} us", one.point_estimate / 1e3, other.point_estimate / 1e3);
         Some(Target::between(
-            what,
+            Row::new(area, "ratio", what),
             limit,
             one.point_estimate / other.point_estimate,
             interval,
@@ -150,6 +157,7 @@ impl Micro {
             let what =
                 format!("{code} a dict with 1 MiB float32, against base64-simd alone on its text");
             targets.extend(self.ratio(
+                "codecs",
                 what,
                 limit,
                 &format!("native/{code}"),
@@ -159,6 +167,7 @@ impl Micro {
         for ((name, limit), way) in ROS1.iter().flat_map(|it| [(it, "to CDR"), (it, "from CDR")]) {
             let what = format!("ROS 1, {name}, {way}, against memcpy of the same bytes");
             targets.extend(self.ratio(
+                "codecs",
                 what,
                 *limit,
                 &format!("ros1/{name} {way}"),
@@ -169,14 +178,15 @@ impl Micro {
         if decode.is_finite() {
             let what =
                 "10 000 dynamic decodes a second of a JointState (12 joints): percent of a core";
-            targets.push(Target::once(what, AtMost(5.0), decode, format!("{decode:.2} us each")));
+            let row = Row::new("codecs", "%", what);
+            targets.push(Target::once(row, AtMost(5.0), decode, format!("{decode:.2} us each")));
         }
         let [method, unheard] =
             ["method", "unheard"].map(|it| self.us(&format!("registered/{it}")));
         if unheard.is_finite() {
             let what = "a registered call that publishes a small value, nobody listens: us above the method";
             targets.push(Target::once(
-                what,
+                Row::new("library", "us", what),
                 AtMost(1.0),
                 unheard - method,
                 format!("{unheard:.3} - {method:.3} us"),
@@ -184,14 +194,16 @@ impl Micro {
         }
         let what =
             "publish and listen of registered methods in memory, against raw endpoints".to_owned();
-        targets.extend(self.ratio(what, f64::NAN, "registered/listen", &["registered/raw"]));
+        let raw = ["registered/raw"];
+        targets.extend(self.ratio("library", what, f64::NAN, "registered/listen", &raw));
         for name in TYPED {
             let [typed, raw, coding] =
                 ["", " raw", " coding"].map(|part| format!("typed/{name}{part}"));
             let what = format!("publish and listen of structs on ROS 2, {name}, against");
-            targets.extend(self.ratio(format!("{what} raw endpoints"), 1.05, &typed, &[&raw]));
+            let raw_alone = format!("{what} raw endpoints");
+            targets.extend(self.ratio("ros2", raw_alone, 1.05, &typed, &[&raw]));
             let what = format!("{what} raw endpoints and coding alone");
-            targets.extend(self.ratio(what, 1.05, &typed, &[&raw, &coding]));
+            targets.extend(self.ratio("ros2", what, 1.05, &typed, &[&raw, &coding]));
         }
         targets
     }
@@ -211,8 +223,19 @@ impl Micro {
                 None => crate::python::Coding { encode_us: f64::NAN, decode_us: f64::NAN },
             };
             let theirs = [theirs.encode_us, theirs.decode_us];
-            let cells = [ours[0], theirs[0], ours[1], theirs[1], cdr[0], cdr[1]]
-                .map(|us| format!("{us:.1}"));
+            let figures = [
+                ("encode", ours[0]),
+                ("encode, Python", theirs[0]),
+                ("decode", ours[1]),
+                ("decode, Python", theirs[1]),
+                ("encode CDR", cdr[0]),
+                ("decode CDR", cdr[1]),
+            ];
+            targets.extend(figures.map(|(code, us)| {
+                let row = Row::new("codecs", "us", format!("{code}: {}", kind.title()));
+                Target::once(row.in_other_table(), Shown, us, "one thread, no transport")
+            }));
+            let cells = figures.map(|(_, us)| format!("{us:.1}"));
             rows += &format!("| {} | {} |\n", kind.title(), cells.join(" | "));
             let promised = match kind {
                 Kind::F32Mib | Kind::U8Rgb200 => 10.0,
@@ -224,7 +247,8 @@ impl Micro {
             {
                 let what = format!("{code} a {}, Python against us", kind.title());
                 let parts = format!("{python:.0} / {ours:.0} us");
-                targets.push(Target::once(what, AtLeast(promised), python / ours, parts));
+                let row = Row::new("codecs", "ratio", what);
+                targets.push(Target::once(row, AtLeast(promised), python / ours, parts));
             }
         }
         let head = "One thread, no transport, microseconds: a whole message of ZeroMQ frames (a JPEG from pixels and to \

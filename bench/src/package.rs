@@ -7,7 +7,7 @@ use anyhow::Result;
 use crate::payload::Kind::VgaRgb;
 use crate::python::Python;
 use crate::report::Limit::{AtLeast, AtMost};
-use crate::report::{Target, quantile};
+use crate::report::{Row, Target, quantile};
 
 /// Time for which a listener waits.
 const WAIT: Duration = Duration::from_secs(3);
@@ -28,21 +28,25 @@ pub(crate) fn run(wrapyfi: &mut Python, ours: &mut Python, rounds: u32) -> Resul
     let [[asked, waiting, import], [our_asked, our_waiting, our_import]] = &found;
     let middle = |of: &[f64]| quantile(of, 0.5);
     let ratios: Vec<f64> = asked.iter().zip(our_asked).map(|(one, other)| one / other).collect();
+    let row = |unit, what: &'static str| Row::new("package", unit, what);
     Ok(vec![
         Target::of(
-            "request and reply of a 640x480 RGB picture, Python against the same script on wrapyfi_rs",
+            row(
+                "ratio",
+                "request and reply of a 640x480 RGB picture, Python against the same script on wrapyfi_rs",
+            ),
             AtLeast(100.0),
             &ratios,
             format!("{:.0} / {:.0} us", middle(asked), middle(our_asked)),
         ),
         Target::of(
-            "a listener of wrapyfi_rs to which nothing comes: percent of a core",
+            row("%", "a listener of wrapyfi_rs to which nothing comes: percent of a core"),
             AtMost(0.5),
             our_waiting,
             format!("Wrapyfi {:.1}", middle(waiting)),
         ),
         Target::of(
-            "import of wrapyfi_rs.connect.wrapper, ms",
+            row("ms", "import of wrapyfi_rs.connect.wrapper, ms"),
             AtMost(80.0),
             our_import,
             format!("Wrapyfi {:.0}", middle(import)),

@@ -63,6 +63,11 @@ impl Kind {
         }
     }
 
+    /// Messages that queues hold: more than are under way at once.
+    pub(crate) fn depth(self) -> u32 {
+        if self == Self::Small { 100 } else { 10 }
+    }
+
     fn is_stamped(self) -> bool {
         self.message_type() != MessageType::NativeObject
     }

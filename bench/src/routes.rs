@@ -22,7 +22,7 @@ use serde_json::Value;
 use crate::child::Child;
 use crate::proc;
 use crate::report::Limit::{AtMost, Shown};
-use crate::report::Target;
+use crate::report::{Row, Target};
 use crate::turn::{Bench, ports};
 use crate::wire::zmq::connect_publisher;
 
@@ -126,23 +126,33 @@ pub(crate) fn zeromq(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
     let taken = taken.map_or_else(|| received(&mut bridge), Ok)?;
     ensure!(bridge.runs(), "the bridge ended");
     let lost = sent.saturating_sub(taken) as f64;
-    let once = |what: &str, limit, found, parts: String| {
-        let what = format!("1000 routes, ZeroMQ to ROS 2, at rest: {what}");
-        Target::once(what, AtMost(limit), found, parts)
+    let row = |unit, what: &str| {
+        Row::new("routes", unit, format!("1000 routes, ZeroMQ to ROS 2, at rest: {what}"))
     };
+    let once = |unit, what: &str, limit, found, parts: String| {
+        Target::once(row(unit, what), AtMost(limit), found, parts)
+    };
+    let over = format!("over {seconds} s");
     Ok(vec![
-        once("ms from the program's start until all are open", 3000.0, opening_ms, String::new()),
-        once("percent of a core", 2.0, at_rest, format!("over {seconds} s")),
         once(
-            "percent of a core with --json, all of it each second",
-            3.0,
-            telling,
-            format!("over {seconds} s"),
+            "ms",
+            "ms from the program's start until all are open",
+            3000.0,
+            opening_ms,
+            String::new(),
         ),
-        once("threads", 64.0, threads, String::new()),
-        once("resident memory, MiB", 200.0, rss_mib, String::new()),
-        once("ms from SIGHUP until a changed one is open again", 100.0, reload_ms, String::new()),
-        once("messages lost on others meanwhile", 0.0, lost, format!("of {sent}")),
+        Target::once(row("%", "percent of a core").in_readme(), AtMost(2.0), at_rest, &over),
+        once("%", "percent of a core with --json, all of it each second", 3.0, telling, over),
+        once("", "threads", 64.0, threads, String::new()),
+        once("MiB", "resident memory, MiB", 200.0, rss_mib, String::new()),
+        once(
+            "ms",
+            "ms from SIGHUP until a changed one is open again",
+            100.0,
+            reload_ms,
+            String::new(),
+        ),
+        once("", "messages lost on others meanwhile", 0.0, lost, format!("of {sent}")),
     ])
 }
 
@@ -200,20 +210,21 @@ pub(crate) fn ros1(bench: &Bench, repository: &Path, seconds: u32) -> Result<Vec
         std::thread::sleep(SETTLE);
         let share = share(&bridge, seconds);
         let (threads, rss_mib) = size(&bridge)?;
-        let once = |what: &str, limit, found, parts: String| {
+        let once = |unit, what: &str, limit, found, parts: String| {
             let what = format!("400 routes of ROS 1 by a pattern, {title}: {what}");
-            Target::once(what, limit, found, parts)
+            Target::once(Row::new("routes", unit, what), limit, found, parts)
         };
         targets.extend([
             once(
+                "s",
                 "seconds from the bridge's start until the last is open",
                 AtMost(3.0),
                 last - begin,
                 format!("{early} of {TOPICS} after 3 s"),
             ),
-            once("threads", AtMost(64.0), threads, String::new()),
-            once("percent of a core at rest", Shown, share, format!("over {seconds} s")),
-            once("resident memory, MiB", Shown, rss_mib, String::new()),
+            once("", "threads", AtMost(64.0), threads, String::new()),
+            once("%", "percent of a core at rest", Shown, share, format!("over {seconds} s")),
+            once("MiB", "resident memory, MiB", Shown, rss_mib, String::new()),
         ]);
     }
     Ok(targets)

@@ -130,10 +130,15 @@ impl Bench {
             Way::RosToZmq => ("ros2:/in", "zeromq:/out"),
             _ => ("zeromq:/in", "zeromq:/out"),
         };
+        let depth = case.payload.depth();
+        let qos = match case.way {
+            Way::RustForward => String::new(),
+            _ => format!(", qos: {{ depth: {depth} }}"),
+        };
         let text = format!(
             "endpoints:\n  zeromq: {{ pub_port: {}, sub_port: {}, broker: foreign }}\n  \
              ros2: {{ domain_id: {domain}, interface: lo }}\nroutes:\n  \
-             - {{ from: \"{from}\", to: \"{to}\", type: {} }}\n",
+             - {{ from: \"{from}\", to: \"{to}\", type: {}, queue_depth: {depth}{qos} }}\n",
             ports.0,
             ports.1,
             case.payload.message_type(),

@@ -16,7 +16,7 @@ use crate::micro::Micro;
 use crate::payload::Kind::{self, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::proc;
 use crate::report::Limit::{self, AtLeast, AtMost, Shown};
-use crate::report::{Target, quantile};
+use crate::report::{Row, Target, quantile};
 use crate::turn::{Bench, Phase, Turn};
 use crate::worker::{Order, Report};
 
@@ -38,6 +38,16 @@ fn lost(report: &Report) -> u32 {
     (report.sent + report.refused).saturating_sub(report.received)
 }
 
+fn twice(report: &Report) -> u32 {
+    report.duplicates
+}
+
+/// Messages of all turns that `count` counts.
+fn total(turns: &BTreeMap<u32, Turn>, count: fn(&Report) -> u32) -> u32 {
+    let phases = turns.values().flat_map(|it| [&it.paced, &it.window]);
+    phases.map(|Phase { report, .. }| count(report)).sum()
+}
+
 impl Ways {
     /// Adds a turn.
     pub(crate) fn add(&mut self, round: u32, case: Case, turn: Turn) {
@@ -53,7 +63,7 @@ impl Ways {
     /// Ratio of one figure to another in each round that has both, and medians of the two.
     fn ratio(
         &self,
-        what: String,
+        row: Row,
         limit: Limit,
         (above, below): (&BTreeMap<u32, f64>, &BTreeMap<u32, f64>),
         unit: &str,
@@ -63,34 +73,49 @@ impl Ways {
         let middle =
             |of: fn((f64, f64)) -> f64| quantile(&pairs().map(of).collect::<Vec<_>>(), 0.5);
         let parts = format!("{:.1} / {:.1} {unit}", middle(|it| it.0), middle(|it| it.1));
-        (!rounds.is_empty()).then(|| Target::of(what, limit, &rounds, parts))
+        (!rounds.is_empty()).then(|| Target::of(row, limit, &rounds, parts))
+    }
+
+    /// A bridge beside the two raw hops that it joins: the time of both and `more` on top.
+    fn bridged(&self, way: Way, kind: Kind, what: &str, of: Figure, more: f64) -> Option<Target> {
+        let dds = self.series(RawDds, kind, false, of);
+        let mut hops = self.series(RawZmq, kind, false, of);
+        hops.retain(|round, _| dds.contains_key(round));
+        hops.iter_mut().for_each(|(round, it)| *it += dds.get(round).unwrap_or(&0.0) + more);
+        let row =
+            Row::new(way.area(), "ratio", format!("{}, {}, {what}", way.title(), kind.title()));
+        let limit = if kind == Small { 1.15 } else { 1.05 };
+        let bridge = self.series(way, kind, false, of);
+        self.ratio(row.in_readme(), AtMost(limit), (&bridge, &hops), "us")
     }
 
     /// Promises that these turns decide.
     pub(crate) fn targets(&self, micro: &Micro) -> Vec<Target> {
         let mut targets = Vec::new();
-        for (way, kind, limit) in [
-            (ZmqToRos, VgaRgb, 1.3),
-            (RosToZmq, VgaRgb, 1.3),
-            (ZmqToRos, VgaJpeg, 1.15),
-            (RosToZmq, VgaJpeg, 1.15),
-        ] {
-            // A picture is base64 on ZeroMQ; a file goes as it is.
-            let text = if way == ZmqToRos { "decode" } else { "encode" };
-            let base64 =
-                if kind == VgaRgb { micro.us(&format!("base64/{text} vga-rgb")) } else { 0.0 };
-            let dds = self.series(RawDds, kind, false, p50);
-            let mut hops = self.series(RawZmq, kind, false, p50);
-            hops.retain(|round, _| dds.contains_key(round));
-            hops.iter_mut().for_each(|(round, it)| *it += dds.get(round).unwrap_or(&0.0) + base64);
-            let what =
-                format!("{}, {}, p50 against raw hops and base64", way.title(), kind.title());
-            let bridge = self.series(way, kind, false, p50);
-            targets.extend(self.ratio(what, AtMost(limit), (&bridge, &hops), "us"));
+        for kind in [Small, VgaJpeg, VgaRgb, FullHdRgb] {
+            for (way, code) in [(ZmqToRos, "decode"), (RosToZmq, "encode")] {
+                // Pixels are base64 on ZeroMQ; a file goes as it is.
+                let base64 = match kind {
+                    VgaRgb | FullHdRgb => {
+                        micro.us(&format!("base64/{code} {}", crate::payload::name(&kind)))
+                    }
+                    _ => 0.0,
+                };
+                let what = "p50 against raw hops and base64";
+                targets.extend(self.bridged(way, kind, what, p50, base64));
+                if kind == Small {
+                    let of = |turn: &Turn| 1e6 / turn.window.rate();
+                    let what = "64 under way, time a message against raw hops one after the other";
+                    targets.extend(self.bridged(way, kind, what, of, 0.0));
+                }
+            }
         }
         for (ours, kind, limit) in [
+            (RustHop, Small, 1.25),
             (RustHop, U8Rgb200, 4.0),
-            (RustHop, VgaJpeg, 1.0),
+            (RustHop, F32Mib, 8.0),
+            (RustHop, VgaRgb, 8.0),
+            (RustHop, VgaJpeg, 1.2),
             (PackageHop, Small, 1.0 / 0.7),
             (PackageHop, U8Rgb200, 3.0),
             (PackageHop, F32Mib, 5.0),
@@ -101,7 +126,14 @@ impl Ways {
             let us = if ours == PackageHop { "the same script on wrapyfi_rs" } else { "us" };
             let what = format!("one hop of a {}, p50, Python against {us}", kind.title());
             let both = [PythonHop, ours].map(|way| self.series(way, kind, false, p50));
-            targets.extend(self.ratio(what, AtLeast(limit), (&both[0], &both[1]), "us"));
+            let row = Row::new(ours.area(), "ratio", what);
+            targets.extend(self.ratio(row, AtLeast(limit), (&both[0], &both[1]), "us"));
+        }
+        for (way, kind) in [(OurPublisher, Small), (RustHop, Small), (OurPublisher, FileMib)] {
+            let what = format!("{}, {}, p50 against a raw hop", way.title(), kind.title());
+            let both = [way, RawZmq].map(|way| self.series(way, kind, false, p50));
+            let row = Row::new("zeromq", "ratio", what);
+            targets.extend(self.ratio(row, AtMost(1.15), (&both[0], &both[1]), "us"));
         }
         let costs: [(&str, &str, Figure); 2] = [
             ("messages a second", "", |turn| turn.window.rate()),
@@ -115,7 +147,8 @@ impl Ways {
                 );
                 let limit = if unit.is_empty() { AtLeast(1.0) } else { AtMost(1.0) };
                 let both = [OurPublisher, RawZmq].map(|way| self.series(way, kind, false, of));
-                targets.extend(self.ratio(what, limit, (&both[0], &both[1]), unit));
+                let row = Row::new("zeromq", "ratio", what);
+                targets.extend(self.ratio(row, limit, (&both[0], &both[1]), unit));
             }
         }
         for case in self.0.keys().filter(|case| case.is_other) {
@@ -125,9 +158,40 @@ impl Ways {
                 case.payload.title()
             );
             let both = [false, true].map(|other| self.series(case.way, case.payload, other, p50));
-            targets.extend(self.ratio(what, AtMost(1.05), (&both[0], &both[1]), "us"));
+            let row = Row::new(case.way.area(), "ratio", what);
+            targets.extend(self.ratio(row, AtMost(1.05), (&both[0], &both[1]), "us"));
         }
+        targets.extend(self.figures());
         targets
+    }
+
+    /// Columns of each way and payload, which [`Self::table`] shows.
+    fn figures(&self) -> Vec<Target> {
+        let figures: [(&str, &str, Figure); 7] = [
+            ("us", "p50", p50),
+            ("us", "p99", |turn| quantile(&turn.paced.report.latency_us, 0.99)),
+            ("1/s", "messages a second", |turn| turn.window.rate()),
+            ("us", "CPU a message", |turn| turn.paced.cpu_us),
+            ("us", "CPU a message, between the ends", |turn| turn.paced.middle_us),
+            ("MiB", "RSS", |turn| turn.rss_mib),
+            ("MiB", "RSS, between the ends", |turn| turn.middle_rss_mib),
+        ];
+        let figure = |(case, turns): (&Case, &BTreeMap<u32, Turn>)| {
+            let row = |unit, name: &str| {
+                let what = format!("{}, {}: {name}", case.way.title(), case.payload.title());
+                Row::new(case.way.area(), unit, what).in_other_table()
+            };
+            let counts: [(&str, fn(&Report) -> u32); 2] = [("lost", lost), ("twice", twice)];
+            let counts = counts.map(|(name, count)| {
+                Target::once(row("", name), Shown, total(turns, count).into(), "")
+            });
+            let figures = figures.map(|(unit, name, of)| {
+                let rounds: Vec<f64> = turns.values().map(of).collect();
+                Target::of(row(unit, name), Shown, &rounds, "")
+            });
+            counts.into_iter().chain(figures).collect::<Vec<_>>()
+        };
+        self.0.iter().filter(|(case, _)| !case.is_other).flat_map(figure).collect()
     }
 
     /// A row for each way and payload: latency, delivery, throughput, CPU, memory.
@@ -143,10 +207,6 @@ impl Ways {
             let of = |figure: Figure| turns.values().map(figure).collect::<Vec<f64>>();
             let middle = |figure: Figure| quantile(&of(figure), 0.5);
             let halves = of(p50);
-            let both = |count: fn(&Report) -> u32| -> u32 {
-                let phases = turns.values().flat_map(|it| [&it.paced, &it.window]);
-                phases.map(|Phase { report, .. }| count(report)).sum()
-            };
             let all: Vec<f64> =
                 turns.values().flat_map(|it| it.paced.report.latency_us.clone()).collect();
             _ = writeln!(
@@ -159,8 +219,8 @@ impl Ways {
                 quantile(&halves, 0.0),
                 quantile(&halves, 1.0),
                 quantile(&all, 0.99),
-                both(lost),
-                both(|report| report.duplicates),
+                total(turns, lost),
+                total(turns, twice),
                 middle(|it| it.window.rate()),
                 middle(|it| it.paced.cpu_us),
                 middle(|it| it.paced.middle_us),
@@ -187,7 +247,7 @@ impl Ways {
                 format!("{:.2} ms", quantile(&figures, 0.5) / 1e3)
             };
             let faster = |ours: &BTreeMap<u32, f64>| {
-                let found = self.ratio(String::new(), Shown, (&python, ours), "us");
+                let found = self.ratio(Row::new("", "", ""), Shown, (&python, ours), "us");
                 found.map_or_else(String::new, |it| it.figure())
             };
             _ = writeln!(
@@ -264,13 +324,18 @@ pub(crate) fn stream(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
     let Report { sent, duplicates, .. } = report;
     Ok(vec![
         Target::once(
-            "1080p RGB at 30 Hz, ZeroMQ to ROS 2, reliable: lost or twice",
+            Row::new("ros2", "", "1080p RGB at 30 Hz, ZeroMQ to ROS 2, reliable: lost or twice")
+                .in_readme(),
             AtMost(0.0),
             f64::from(lost(&report) + duplicates),
             format!("of {sent} in {seconds} s"),
         ),
         Target::once(
-            "the same: growth of the bridge's memory, MiB a minute",
+            Row::new(
+                "ros2",
+                "MiB/min",
+                "1080p RGB at 30 Hz, ZeroMQ to ROS 2: growth of the bridge's memory, MiB a minute",
+            ),
             if seconds < 60 { Shown } else { AtMost(1.0) },
             grown,
             format!("from {before:.0} MiB after {settle} s"),
@@ -299,7 +364,8 @@ mod tests {
             ways.add(round, case(true), turn(10.0 * slow));
         }
         let both = [false, true].map(|other| ways.series(RawZmq, Small, other, p50));
-        let target = ways.ratio(String::new(), AtMost(3.0), (&both[0], &both[1]), "us").unwrap();
+        let target =
+            ways.ratio(Row::new("", "", ""), AtMost(3.0), (&both[0], &both[1]), "us").unwrap();
         assert!(crate::report::table(&[target]).contains("| 3.00: 30.0 / 10.0 us |  | met |"));
         assert_eq!(ways.table().lines().count(), 6);
         assert_eq!(ways.plot(&[RawZmq]).matches("<rect x=").count(), 2);

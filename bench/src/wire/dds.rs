@@ -1,10 +1,10 @@
-//! Plain CycloneDDS: CDR in, CDR out, with the quality of service that a route has by default.
+//! Plain CycloneDDS: CDR in, CDR out, with the quality of service that the bridge's route has.
 
 use std::sync::Arc;
 
 use anyhow::Result;
 use wrapyfi_endpoint::codec::ros;
-use wrapyfi_endpoint::{Qos, Wake};
+use wrapyfi_endpoint::{History, Qos, Wake};
 use wrapyfi_node::NodeName;
 use wrapyfi_ros2::graph::{CdrWriter, Graph, Notify, TopicDescription};
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph};
@@ -25,7 +25,7 @@ fn topic(place: &Place) -> TopicDescription {
         name: place.topic.clone(),
         type_name: message_type.ros_type().to_owned(),
         type_hash: Some(ros::type_hash(message_type).to_owned()),
-        qos: Qos::default(),
+        qos: Qos { history: History::KeepLast(place.payload.depth()), ..Qos::default() },
         max_bytes: 64 << 20,
         hears_own: false,
     }

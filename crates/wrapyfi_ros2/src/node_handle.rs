@@ -15,7 +15,7 @@ use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{Clock as NodeClock, Mutex, RosNow, Wake};
 use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_node::type_description::TypeDescriptions;
-use wrapyfi_node::{LogLine, RosTime};
+use wrapyfi_node::{LogLevel, LogLine, RosTime};
 
 /// Log lines that may wait for the node's thread.
 const MAX_LINES: usize = 1000;
@@ -29,12 +29,51 @@ pub(super) fn in_node_thread() {
     IN_NODE_THREAD.set(true);
 }
 
+/// Log lines that wait for the node's thread.
+#[derive(Default)]
+struct LogQueue {
+    lines: VecDeque<(Stamp, LogLine)>,
+    /// Number of lines dropped since the last [`LogQueue::take`].
+    dropped: u64,
+}
+
+impl LogQueue {
+    fn push(&mut self, stamp: Stamp, line: LogLine) {
+        if self.lines.len() >= MAX_LINES {
+            self.lines.pop_front();
+            self.dropped += 1;
+        }
+        self.lines.push_back((stamp, line));
+    }
+
+    /// Takes all lines, the first of which says how many were dropped before them.
+    fn take(&mut self) -> VecDeque<(Stamp, LogLine)> {
+        let Self { mut lines, dropped } = std::mem::take(self);
+        if dropped > 0
+            && let Some((stamp, first)) = lines.front()
+        {
+            let told = LogLine {
+                level: LogLevel::Warn,
+                logger: first.logger.clone(),
+                text: format!(
+                    "{dropped} earlier lines are missing here: {MAX_LINES} waited already; the program's own log has them"
+                ),
+                file: String::new(),
+                function: String::new(),
+                line: 0,
+            };
+            lines.push_front((*stamp, told));
+        }
+        lines
+    }
+}
+
 /// State that the node's thread and the rest of the program share.
 pub(super) struct NodeState {
     store: Mutex<ParameterStore>,
     types: Mutex<TypeDescriptions>,
     time: Mutex<RosTime>,
-    lines: Mutex<VecDeque<(Stamp, LogLine)>>,
+    lines: Mutex<LogQueue>,
     refused_requests: AtomicU64,
     pub(super) wake: Wake,
 }
@@ -60,7 +99,7 @@ impl NodeState {
     }
 
     pub(super) fn take_lines(&self) -> VecDeque<(Stamp, LogLine)> {
-        std::mem::take(&mut *self.lines.lock())
+        self.lines.lock().take()
     }
 
     pub(super) fn now(&self) -> Stamp {
@@ -110,18 +149,14 @@ impl NodeHandle {
         use_them(&mut self.0.types())
     }
 
-    /// Publishes a line on `/rosout`. Never blocks on the network; when too many wait, the oldest is dropped.
+    /// Publishes a line on `/rosout`. Never blocks on the network; when too many wait, the oldest is dropped, and a
+    /// line says how many were.
     pub fn log(&self, line: LogLine) {
         if IN_NODE_THREAD.get() {
             return;
         }
         let stamp = self.0.now();
-        let mut lines = self.0.lines.lock();
-        if lines.len() >= MAX_LINES {
-            lines.pop_front();
-        }
-        lines.push_back((stamp, line));
-        drop(lines);
+        self.0.lines.lock().push(stamp, line);
         self.0.wake.ring();
     }
 
@@ -143,5 +178,30 @@ impl NodeHandle {
     /// vendor's clients. A DDS stack that fails counts once until it says something else.
     pub fn refused_requests(&self) -> u64 {
         self.0.refused_requests.load(Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_says_how_many_were_dropped() {
+        let mut queue = LogQueue::default();
+        let line = |number: usize| LogLine {
+            level: LogLevel::Info,
+            logger: "talker".to_owned(),
+            text: number.to_string(),
+            file: String::new(),
+            function: String::new(),
+            line: 0,
+        };
+        (0..MAX_LINES + 2).for_each(|number| queue.push(Stamp::default(), line(number)));
+        let texts: Vec<String> = queue.take().into_iter().map(|(_, line)| line.text).collect();
+        assert_eq!(texts.len(), MAX_LINES + 1);
+        assert!(texts[0].starts_with("2 earlier lines"), "{}", texts[0]);
+        assert_eq!(texts[1], "2");
+        queue.push(Stamp::default(), line(0));
+        assert_eq!(queue.take().len(), 1);
     }
 }

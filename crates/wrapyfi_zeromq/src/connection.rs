@@ -19,6 +19,7 @@ use mio::{Interest, Registry};
 use rustix::io::Errno;
 
 use super::curve::{self, Curve, Keys};
+use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::io::{IoProgress, token};
 use super::link::{self, BrokerLink};
@@ -182,7 +183,12 @@ impl Connection {
                 Err(error) => return self.lose(role, now, &error),
             }
             if let Way::Begun(stream, _) = std::mem::replace(&mut self.way, Way::Ended) {
-                let peer = role.begin(Peer::new(stream, self.broker, now).connecting());
+                let end = stream.local_addr().map(|socket| End::of(socket, Side::Ours));
+                let peer = Peer::new(stream, self.broker, now).connecting();
+                let peer = role.begin(match end {
+                    Ok(end) => peer.at(end),
+                    Err(_) => peer,
+                });
                 match self.secure(peer) {
                     Ok(peer) => self.way = Way::Up(Box::new(peer)),
                     Err(breach) => return self.lose(role, now, &breach),
@@ -240,8 +246,11 @@ impl Connection {
             return IoProgress::over();
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
+        // Its own words apart, nothing happens to a connection to a broker in this process.
+        let is_at_rest = quiet.is_zero() && peer.outbox.is_empty() && peer.is_inside();
+        let look = (!is_at_rest).then(|| quiet.max(LOOK_EVERY));
         let held = role.next_look().map(|at| at.saturating_duration_since(now));
-        let timeout = held.into_iter().chain([quiet.max(LOOK_EVERY)]).min();
+        let timeout = held.into_iter().chain(look).min();
         IoProgress { more, timeout, over: false }
     }
 

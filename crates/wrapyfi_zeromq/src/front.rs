@@ -32,6 +32,7 @@ use mio::{Events, Interest, Poll, Registry, Token};
 
 use super::assembly::NotTaken;
 use super::curve::{Curve, Keys};
+use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::ledger::Refusal;
 use super::message::{Loss, Message, Outgoing};
@@ -464,7 +465,7 @@ impl Front {
                 tracing::debug!(%address, %error, "a peer could not be accepted");
                 continue;
             }
-            let peer = Peer::new(stream, address, now);
+            let peer = Peer::new(stream, address, now).at(End::of(address, Side::Broker));
             let peer = match self.kind {
                 Kind::Xpub => peer,
                 kind => peer.of_messages(kind, self.bounds.message_bytes),

@@ -46,6 +46,7 @@ mod curve;
 mod curve_config;
 mod deadline;
 mod discovery;
+mod ends;
 mod envelope;
 mod error;
 mod exchange;

@@ -16,6 +16,7 @@ use bytes::Bytes;
 
 use super::assembly::Assembly;
 use super::curve::{Curve, Grant, OVERHEAD};
+use super::ends::End;
 use super::heard::{ConnectionEnd, Heard};
 use super::mechanism::{Mechanism, Secured};
 use super::message::{Message, Outgoing};
@@ -83,6 +84,8 @@ pub(super) struct Peer<S = TcpStream> {
     asked_at: Option<Instant>,
     /// True once it is known to answer a heartbeat: libzmq before 4.2 does not.
     has_heartbeats: bool,
+    /// End of the connection at which we are; `None` where there is no connection.
+    end: Option<End>,
 }
 
 impl<S: Read + Write> Peer<S> {
@@ -110,6 +113,7 @@ impl<S: Read + Write> Peer<S> {
             heard_at: now,
             asked_at: None,
             has_heartbeats: false,
+            end: None,
         };
         peer.put(Mechanism::Null.greeting().0);
         peer
@@ -118,6 +122,11 @@ impl<S: Read + Write> Peer<S> {
     /// The same, of a connection that we have made.
     pub(super) fn connecting(self) -> Self {
         Self { connects: true, ..self }
+    }
+
+    /// The same, at that end of a connection.
+    pub(super) fn at(self, end: End) -> Self {
+        Self { end: Some(end), ..self }
     }
 
     /// The same, of a connection for messages of one topic.
@@ -509,6 +518,11 @@ impl<S: Read + Write> Peer<S> {
         }
     }
 
+    /// True where the other end is in this process, which needs no question whether it lives.
+    pub(super) fn is_inside(&self) -> bool {
+        self.end.as_ref().is_some_and(End::has_other)
+    }
+
     /// False when the peer is dead. One that was silent for some time is asked: once where it may not know what is
     /// asked, and only TCP tells then that it is gone.
     pub(super) fn is_alive(&mut self, now: Instant) -> bool {
@@ -523,6 +537,9 @@ impl<S: Read + Write> Peer<S> {
         }
         if silent < options::SILENCE {
             self.asked_at = None;
+            return true;
+        }
+        if self.is_inside() {
             return true;
         }
         match self.asked_at {

@@ -3,6 +3,7 @@
 use std::net::TcpListener;
 
 use super::*;
+use crate::ends::Side;
 
 /// A listener at the end of its handshake, to whom all is written.
 fn listener(minor: u8) -> Peer {
@@ -86,4 +87,16 @@ fn half_a_word_ends_also_where_something_waits_for_the_listener() {
     peer.understand(&mut Vec::new()).unwrap();
     assert!(peer.is_alive(now + PROGRESS / 2));
     assert!(!peer.is_alive(now + PROGRESS));
+}
+
+#[test]
+fn a_connection_within_the_process_is_not_asked_whether_it_lives() {
+    let socket = SocketAddr::from(([192, 0, 2, 1], 1));
+    let mut peer = listener(1).at(End::of(socket, Side::Broker));
+    let other = End::of(socket, Side::Ours);
+    let silent = peer.heard_at + options::SILENCE;
+    assert!(peer.is_alive(silent) && peer.outbox.is_empty());
+    drop(other);
+    assert!(peer.is_alive(silent));
+    assert_eq!(peer.outbox.len(), 1);
 }

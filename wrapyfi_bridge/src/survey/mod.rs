@@ -52,13 +52,13 @@ pub fn run(args: &SurveyArgs, shutdown: &Shutdown) -> Result<()> {
     let routes_file = args.output.with_extension("yaml");
     check_output(&args.output, &routes_file)?;
     let mut known = Known::of(args)?;
-    let of_bag: Option<(Facts, Vec<String>)> = None;
+    let recorded: Option<(Facts, Vec<String>)> = None;
     #[cfg(feature = "bags")]
-    let of_bag = match &args.bag {
-        Some(bag) => Some(self::of_bag(bag, &mut known, args, shutdown)?),
-        None => of_bag,
+    let recorded = match &args.bag {
+        Some(bag) => Some(of_bag(bag, &mut known, args, shutdown)?),
+        None => recorded,
     };
-    let (facts, damage) = match of_bag {
+    let (facts, damage) = match recorded {
         Some(found) => found,
         None => (of_graph(&mut known, args, shutdown)?, Vec::new()),
     };
