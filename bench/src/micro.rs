@@ -82,7 +82,7 @@ impl std::iter::Sum for Median {
 }
 
 /// Messages that are structs.
-const TYPED: [&str; 2] = ["joints", "image 640x480"];
+const TYPED: [&str; 3] = ["joints", "image 640x480", "image 1920x1080"];
 
 /// Messages of ROS 1, and how much longer than memcpy they may take.
 const ROS1: [(&str, f64); 4] = [
@@ -490,9 +490,11 @@ fn typed(criterion: &mut Criterion) -> Result<()> {
     let names = (0..12).map(|joint| format!("left_arm_joint_{joint}")).collect();
     let [position, velocity] = [0.5, -0.25].map(|it| vec![it; 12]);
     let joints = JointState { name: names, position, velocity, ..JointState::default() };
-    let data = Bytes::from(vec![0x5A; 640 * 480 * 3]);
-    let (height, width, encoding) = (480, 640, "bgr8".to_owned());
-    let image = RosImage { height, width, encoding, step: 1920, data, ..RosImage::default() };
+    let image = |width: u32, height: u32| {
+        let (encoding, step) = ("bgr8".to_owned(), width * 3);
+        let data = Bytes::from(vec![0x5A; (step * height) as usize]);
+        RosImage { height, width, encoding, step, data, ..RosImage::default() }
+    };
     let domain = std::process::id() % 100 + 1;
     let node = |name| {
         let with = |it: &mut wrapyfi_ros2::Ros2Settings| it.cyclone.domain_id = domain;
@@ -500,9 +502,10 @@ fn typed(criterion: &mut Criterion) -> Result<()> {
     };
     let nodes = [node("bench_talks")?, node("bench_listens")?];
     let mut group = criterion.benchmark_group("typed");
-    let [of_joints, of_image] = TYPED;
+    let [of_joints, of_vga, of_full_hd] = TYPED;
     there(&mut group, of_joints, &nodes, &joints)?;
-    there(&mut group, of_image, &nodes, &image)?;
+    there(&mut group, of_vga, &nodes, &image(640, 480))?;
+    there(&mut group, of_full_hd, &nodes, &image(1920, 1080))?;
     group.finish();
     Ok(())
 }
