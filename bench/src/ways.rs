@@ -190,10 +190,10 @@ impl Ways {
                 let what = format!("{}, {}: {name}", case.way.title(), case.payload.title());
                 Row::new(case.way.area(), unit, what).in_other_table()
             };
-            let counts: [(&str, fn(&Report) -> u32); 2] = [("lost", lost), ("twice", twice)];
-            let counts = counts.map(|(name, count)| {
-                Target::once(row("", name), Shown, total(turns, count).into(), "")
-            });
+            let count = |name, messages: u32| {
+                Target::once(row("", name), Shown, messages.into(), "")
+            };
+            let counts = [count("lost", total(turns, lost)), count("twice", total(turns, twice))];
             let figures = figures.map(|(unit, name, of)| {
                 let rounds: Vec<f64> = turns.values().map(of).collect();
                 Target::of(row(unit, name), Shown, &rounds, "")

@@ -5,7 +5,7 @@
 //!                                  both are there: neither asks whether the other lives
 //! ```
 //!
-//! What ends one of them ends both, so that a question is of no use; a thousand routes at rest spent a third of their
+//! The end of the process ends both, so that a question is of no use; a thousand routes at rest spent a third of their
 //! processor time on such questions.
 
 use std::collections::BTreeSet;
