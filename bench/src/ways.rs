@@ -190,9 +190,8 @@ impl Ways {
                 let what = format!("{}, {}: {name}", case.way.title(), case.payload.title());
                 Row::new(case.way.area(), unit, what).in_other_table()
             };
-            let count = |name, messages: u32| {
-                Target::once(row("", name), Shown, messages.into(), "")
-            };
+            let count =
+                |name, messages: u32| Target::once(row("", name), Shown, messages.into(), "");
             let counts = [count("lost", total(turns, lost)), count("twice", total(turns, twice))];
             let figures = figures.map(|(unit, name, of)| {
                 let rounds: Vec<f64> = turns.values().map(of).collect();
