@@ -291,14 +291,18 @@ fn native(criterion: &mut Criterion) -> Result<()> {
     time(&mut group, "encode", || json::encode(black_box(&value), &plugins));
     group.finish();
     let mut group = criterion.benchmark_group("base64");
-    // With the 128 bytes of the array's header, as Wrapyfi sends them.
-    let bytes = vec![0x5A_u8; 640 * 480 * 3 + 128];
-    let text = STANDARD.encode_type::<Vec<u8>>(&bytes);
-    let mut buffer = bytes.clone();
-    time(&mut group, "decode vga-rgb", || {
-        STANDARD.decode(black_box(&text), buffer.as_out()).map(|out| out.len())
-    });
-    time(&mut group, "encode vga-rgb", || STANDARD.encode_type::<Vec<u8>>(black_box(&bytes)));
+    for (name, pixels) in [("vga-rgb", 640 * 480), ("full-hd-rgb", 1920 * 1080)] {
+        // With the 128 bytes of the array's header, as Wrapyfi sends them.
+        let bytes = vec![0x5A_u8; pixels * 3 + 128];
+        let text = STANDARD.encode_type::<Vec<u8>>(&bytes);
+        let mut buffer = bytes.clone();
+        time(&mut group, format!("decode {name}"), || {
+            STANDARD.decode(black_box(&text), buffer.as_out()).map(|out| out.len())
+        });
+        time(&mut group, format!("encode {name}"), || {
+            STANDARD.encode_type::<Vec<u8>>(black_box(&bytes))
+        });
+    }
     group.finish();
     Ok(())
 }

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use std::time::Duration;
 
+use super::freed;
 use wrapyfi_data::Limits;
 
 /// Longest time until the next byte of a message that has begun.
@@ -138,6 +139,7 @@ impl Share {
         if bytes == 0 {
             return true;
         }
+        freed::note_message(bytes);
         let budget = self.budget;
         let mine = self.used.fetch_add(bytes, Relaxed);
         let all = budget.add(bytes);
@@ -158,6 +160,7 @@ impl Share {
     /// Takes or gives bytes until the share holds `bytes`; false when there is no room.
     #[must_use]
     pub fn hold(&self, bytes: usize) -> bool {
+        freed::note_message(bytes);
         let held = self.used();
         self.give(held.saturating_sub(bytes));
         self.take(bytes.saturating_sub(held))

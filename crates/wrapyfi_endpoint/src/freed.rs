@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   bytes that wait, and of routes:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
-//!   the start:  large buffers mapped one by one ──▶ three seconds later: kept for the next, as glibc does it
+//!   the start:  large buffers mapped one by one ──▶ the first large message, or three seconds: kept for the next
 //! ```
 //!
 //! glibc keeps what was freed in small pieces for what may come next: a hundred thousand subscriptions that one peer had
@@ -28,13 +28,15 @@ const QUIET: Duration = Duration::from_secs(2);
 
 /// Time from the first look until a start is over.
 const START: Duration = Duration::from_secs(3);
+/// Size from which glibc maps a buffer alone, until it has learned better.
+const LARGE: usize = 128 << 10;
 
 static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None, start: Start::Waits });
 static STARTS_SMALL: AtomicBool = AtomicBool::new(false);
 static ROUTES: AtomicUsize = AtomicUsize::new(0);
 
-/// Has every large buffer mapped alone and unmapped when it is freed, until [`give_memory_back`] finds that the start is over,
-/// and for all small ones as many heaps as there are cores.
+/// Has every large buffer mapped alone and unmapped when it is freed, until the first large message waits or
+/// [`give_memory_back`] finds that the start is over, and for all small ones as many heaps as there are cores.
 ///
 /// glibc makes eight for each core, and what one thread has freed in its heap no other thread uses again.
 ///
@@ -42,9 +44,25 @@ static ROUTES: AtomicUsize = AtomicUsize::new(0);
 /// interfaces of 1 MiB each above all, whose pages would stay under what lives as long as the process.
 pub fn start_small() {
     STARTS_SMALL.store(true, Ordering::Relaxed);
-    map_from(128 << 10, 128 << 10);
+    map_from(LARGE as libc::c_int, LARGE as libc::c_int);
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     set_heaps(libc::c_int::try_from(cores).unwrap_or(1));
+}
+
+/// Takes note of a message of `bytes` bytes that waits: where that is large, its buffers are kept for the next from now
+/// on. A page that is mapped anew for each message costs more than all that a route does with it.
+pub(super) fn note_message(bytes: usize) {
+    if bytes >= LARGE && STARTS_SMALL.load(Ordering::Relaxed) {
+        keep_large();
+    }
+}
+
+/// Has large buffers come from the heaps, once.
+fn keep_large() {
+    if STARTS_SMALL.swap(false, Ordering::Relaxed) {
+        // The most that glibc would come to by itself: a picture in the heap costs no page fault a page.
+        map_from(32 << 20, 16 << 20);
+    }
 }
 
 /// Takes note of the number of routes that are open in this process, for [`give_memory_back`].
@@ -57,9 +75,8 @@ pub fn note_routes(count: usize) {
 pub fn give_memory_back(now: Instant) {
     let Some(mut looks) = LOOKS.try_lock() else { return };
     let started = looks.start.is_over(now);
-    if started && STARTS_SMALL.load(Ordering::Relaxed) {
-        // The most that glibc would come to by itself: a picture in the heap costs no page fault a page.
-        map_from(32 << 20, 16 << 20);
+    if started {
+        keep_large();
     }
     let used = WAITING.used() + ROUTES.load(Ordering::Relaxed) * OF_ROUTE;
     if looks.has_fallen(used, now) || started {
@@ -195,6 +212,29 @@ mod tests {
         let lasting = std::hint::black_box(Vec::<u8>::with_capacity(6 << 20));
         assert!(dirty() < before + 2048, "of {before} KiB");
         drop(lasting);
+    }
+
+    #[cfg(target_env = "gnu")]
+    #[test]
+    fn the_buffers_of_the_second_large_message_are_those_of_the_first() {
+        // Pages that were mapped for one buffer.
+        let faults = || {
+            let all = || {
+                let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+                let fields = stat.rsplit_once(") ").unwrap().1.to_owned();
+                fields.split(' ').nth(7).unwrap().parse::<usize>().unwrap()
+            };
+            let before = all();
+            drop(std::hint::black_box(vec![1_u8; 4 << 20]));
+            all() - before
+        };
+        start_small();
+        note_message(LARGE - 1);
+        assert!(faults() > 900 && faults() > 900);
+        note_message(LARGE);
+        assert!(faults() > 900, "the heap grows");
+        let again = faults();
+        assert!(again < 100, "{again} pages");
     }
 
     #[cfg(target_env = "gnu")]

@@ -21,7 +21,7 @@ use wrapyfi_endpoint::DropReason;
 const MAX_FRAMES: usize = 4096;
 /// Bytes of memory that a frame takes beside its own.
 const FRAME_BYTES: usize = size_of::<Bytes>();
-/// Bytes that are made room for at once: a length that is announced is no reason to take memory.
+/// Bytes that are made room for at once, until as many have come: a length that is announced is no reason to take memory.
 const STEP: usize = 1 << 20;
 
 /// Bytes of a message that are passed over before its connection ends, as a multiple of the limit: its publisher need
@@ -55,6 +55,8 @@ pub(super) struct Assembly {
     bytes: usize,
     /// Number of the frames, with the open one.
     count: usize,
+    /// Bytes of the largest frame that has come.
+    largest: usize,
     /// True where a message that is not taken is passed over.
     passes_over: bool,
     /// True within a message that is passed over.
@@ -78,6 +80,7 @@ impl Assembly {
             open: None,
             bytes: 0,
             count: 0,
+            largest: 0,
             passes_over: false,
             is_passed_over: false,
             not_taken: None,
@@ -125,7 +128,7 @@ impl Assembly {
         }
         let mut begun = Vec::new();
         if is_taken {
-            begun.reserve_exact(header.length.min(STEP.max(body.len())));
+            begun.reserve_exact(header.length.min(STEP.max(body.len()).max(self.largest)));
             begun.extend_from_slice(body);
         }
         let missing = header.length - body.len();
@@ -194,7 +197,7 @@ impl Assembly {
         }
         let before = open.body.len();
         if open.body.capacity() == before {
-            // Twice as much each time: the system moves large blocks without a copy.
+            // Twice as much each time.
             open.body.reserve_exact(open.missing.min(before.max(STEP)));
         }
         let room = open.missing.min(open.body.capacity() - before);
@@ -216,6 +219,7 @@ impl Assembly {
     /// Adds a frame that is complete; the message where it was its last.
     fn end(&mut self, frame: Bytes, more: bool) -> Option<Vec<Bytes>> {
         if !self.is_passed_over {
+            self.largest = self.largest.max(frame.len());
             self.frames.push(frame);
         }
         if more {
@@ -253,6 +257,9 @@ mod tests {
         let message = message.unwrap();
         assert_eq!((&message[0][..], &message[1][..]), (&b"/a"[..], &large[..]));
         assert!(!assembly.has_begun() && assembly.held() == 0);
+        // The next of that size is not moved while it grows.
+        assert_eq!(assembly.begin(&header(large.len(), false), &large[..10]), Ok((None, 10)));
+        assert_eq!(assembly.open.as_ref().unwrap().body.capacity(), large.len());
     }
 
     /// Bytes, after which nothing is there for now.

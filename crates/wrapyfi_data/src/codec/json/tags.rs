@@ -160,7 +160,7 @@ impl Decoder<'_> {
     }
 
     fn array(&mut self, path: &Path<'_>) -> Result<Value> {
-        let file = match self.clean_base64() {
+        let file = match self.clean_base64(path) {
             Some(file) => file,
             None => {
                 let decoded = match self.raw_string(path)?.decode() {
@@ -179,13 +179,20 @@ impl Decoder<'_> {
 
     /// The bytes of a string that is base64 and nothing else, as every sender but a broken one
     /// writes it. No such string holds an escape, so the next quote ends it.
-    fn clean_base64(&mut self) -> Option<Vec<u8>> {
+    ///
+    /// The string of an array that is all of a text ends with it: no pass over an image looks for its end.
+    fn clean_base64(&mut self, path: &Path<'_>) -> Option<Vec<u8>> {
         self.peek().filter(|&byte| byte == b'"')?;
         let rest = self.rest().get(1..)?;
-        let text = rest.get(..memchr(b'"', rest)?)?;
-        let decoded = base64::decode_strictly(text)?;
-        self.at += text.len() + 2;
-        Some(decoded)
+        let last = Some(rest).filter(|_| matches!(path, Path::Root));
+        let last = last.and_then(|rest| rest.strip_suffix(b"\"]}"));
+        let decoded = |text: &[u8]| Some((base64::decode_strictly(text)?, text.len()));
+        let (file, length) = match last.and_then(decoded) {
+            Some(found) => found,
+            None => decoded(rest.get(..memchr(b'"', rest)?)?)?,
+        };
+        self.at += length + 2;
+        Some(file)
     }
 
     fn tensor(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
