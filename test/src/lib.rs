@@ -49,7 +49,7 @@ pub use ros_service::Asker;
 pub use ros2_client::ServiceMapping;
 pub use route_state::{route_status, until_route};
 pub use scenes::Scenes;
-pub use test_env::{Args, TestEnv};
+pub use test_env::{Args, TestEnv, rmw};
 
 /// Time that anything may take before a test gives up: far beyond what a loaded machine needs.
 pub const TIMEOUT: Duration = Duration::from_secs(120);

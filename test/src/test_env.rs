@@ -644,6 +644,7 @@ fn hash(text: &str) -> u64 {
 }
 
 /// The middleware of ROS 2 of programs that name none: `WRAPYFI_TEST_RMW`, else CycloneDDS.
-fn rmw() -> OsString {
-    std::env::var_os("WRAPYFI_TEST_RMW").unwrap_or_else(|| "rmw_cyclonedds_cpp".into())
+#[must_use]
+pub fn rmw() -> String {
+    std::env::var("WRAPYFI_TEST_RMW").unwrap_or_else(|_| "rmw_cyclonedds_cpp".to_owned())
 }

@@ -158,14 +158,19 @@ fn actions_of_rclpy_are_driven() -> Result {
 #[test]
 fn actions_of_ours_are_driven_by_rclpy() -> Result {
     on_kilted("actions_of_ours_are_driven_by_rclpy", |env, ros| {
-        let action = env.topic("fibonacci");
-        let at = ros2(&action);
-        let value = ["--value", r#"{"sequence": [1, 2]}"#];
-        let feedback = ["--feedback", r#"{"sequence": [7]}"#, "--every", "0.05"];
-        let serve = ["action", "serve", &at, "--type", FIBONACCI, "--json", "--seconds", "3"];
-        let _server = ros.wrapyfi([&serve[..], &value, &feedback].concat())?;
-        let kind = format!("--topic {action} --type {FIBONACCI}");
-        let client = ros.rclpy(&format!("send {kind} --count 8"), Some(r#"{"order": 3}"#))?;
+        let (reached, cancelled) = (env.topic("reached"), env.topic("cancelled"));
+        let more = ["--value", r#"{"sequence": [1, 2]}"#, "--feedback", r#"{"sequence": [7]}"#];
+        let serve = |action: &str, seconds: &str| {
+            let at = ros2(action);
+            let serve = ["action", "serve", &at, "--type", FIBONACCI, "--json"];
+            ros.wrapyfi([&serve[..], &more, &["--every", "0.05", "--seconds", seconds]].concat())
+        };
+        let send = |action: &str, more: &str| {
+            let send = format!("send --topic {action} --type {FIBONACCI} {more}");
+            ros.rclpy(&send, Some(r#"{"order": 3}"#))
+        };
+        let _servers = (serve(&reached, "3")?, serve(&cancelled, "100")?);
+        let client = send(&reached, "--count 8")?;
         let (ends, feedback) = client.wait_until("the ends of all", |output| {
             let ends = output.events("ended");
             (ends.len() == 8).then(|| (ends, output.events("feedback").len()))
@@ -174,7 +179,7 @@ fn actions_of_ours_are_driven_by_rclpy() -> Result {
             assert_eq!((&end["status"], &end["value"]["sequence"]), (&json!(4), &json!([1, 2])));
         }
         assert!(feedback > 20, "{feedback}");
-        let client = ros.rclpy(&format!("send {kind} --cancel"), Some(r#"{"order": 3}"#))?;
+        let client = send(&cancelled, "--cancel")?;
         let end = client.event("ended")?;
         assert_eq!((&end["status"], &end["value"]["sequence"]), (&json!(5), &json!([1, 2])));
         assert_eq!(client.event("cancel")?["code"], 0);

@@ -2,7 +2,7 @@
 //! shares no code with ours, with the real Wrapyfi, and between our own nodes.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, rmw, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const AS: [&str; 2] = ["--type", "Properties"];
@@ -39,12 +39,11 @@ fn set(env: &TestEnv, rmw: &str, node: &str, value: &Value, more: &[&str]) -> Re
 
 /// Sets, and asserts how that ends.
 fn sets(env: &TestEnv, node: &str, value: &Value, code: i32) -> Result<Process> {
-    let mut process = set(env, CYCLONE, node, value, &["--timeout", "60"])?;
+    let mut process = set(env, &rmw(), node, value, &["--timeout", "60"])?;
     process.exits_with(code)?;
     Ok(process)
 }
 
-const CYCLONE: &str = "rmw_cyclonedds_cpp";
 const FAST: &str = "rmw_fastrtps_cpp";
 
 /// All changes so far, one upon the other.
@@ -62,7 +61,7 @@ fn told(output: &Output) -> Value {
 fn a_node_of_another_make_is_read_set_and_watched() -> Result {
     run("a_node_of_another_make_is_read_set_and_watched", NEEDS, |env| {
         let node = env.topic("camera");
-        let watcher = echo(env, CYCLONE, &node, &[])?;
+        let watcher = echo(env, &rmw(), &node, &[])?;
         let mut peer = camera(env, &node, &parameters())?;
         let first = watcher.objects(1)?.remove(0);
         assert_eq!((&first["type"], &first["value"]), (&json!("Properties"), &parameters()));
@@ -110,15 +109,15 @@ fn a_node_of_another_make_is_read_set_and_watched() -> Result {
 fn a_node_that_is_not_there_is_named() -> Result {
     run("a_node_that_is_not_there_is_named", &[Need::Program], |env| {
         let node = env.topic("nobody");
-        let mut process = set(env, CYCLONE, &node, &json!({"a": 1}), &["--timeout", "0.2"])?;
+        let mut process = set(env, &rmw(), &node, &json!({"a": 1}), &["--timeout", "0.2"])?;
         process.exits_with(3)?;
         let said = process.stderr();
         assert!(said.contains(&format!("time-out while waiting for node {node}")), "{said}");
-        let mut process = echo(env, CYCLONE, &node, &["--timeout", "0.2"])?;
+        let mut process = echo(env, &rmw(), &node, &["--timeout", "0.2"])?;
         process.exits_with(3)?;
         let said = process.stderr();
         assert!(said.contains(&format!("still waiting for node {node}")), "{said}");
-        let mut process = set(env, CYCLONE, &node, &json!({"a": [1, "x"]}), &[])?;
+        let mut process = set(env, &rmw(), &node, &json!({"a": [1, "x"]}), &[])?;
         process.exits_with(2)?;
         let said = process.stderr();
         assert!(said.contains("parameter \"a\": a list holds values of one type"), "{said}");
@@ -205,8 +204,8 @@ fn between_own_nodes(env: &TestEnv, rmw: &str) -> Result {
 }
 
 #[test]
-fn our_own_nodes_as_of_cyclone() -> Result {
-    run("our_own_nodes_as_of_cyclone", &[Need::Program], |env| between_own_nodes(env, CYCLONE))
+fn our_own_nodes() -> Result {
+    run("our_own_nodes", &[Need::Program], |env| between_own_nodes(env, &rmw()))
 }
 
 #[test]

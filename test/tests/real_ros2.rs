@@ -63,6 +63,7 @@ under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     ros2_wrapyfi_is_our_program [];
     doctor_warns_of_what_a_bridge_waits_for [Need::Ros2Package("ros2doctor")];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
+    recordings_go_both_ways [Need::Ros2Package("ros2bag"), Need::Ros2Package("rosbag2_storage_mcap")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
 }}
 
@@ -563,6 +564,43 @@ fn a_bag_keeps_what_came_from_a_script(env: &TestEnv, ros: &RealRos2<'_>) -> Res
     let listener = env.wrapyfi_listener(&back, "")?;
     let play = ros.ros2(&["bag", "play", "--loop", &bag])?;
     listener.messages(5).map_err(|error| error.context(play.tail())).map(drop)
+}
+
+/// `ros2 bag` reads and plays what `wrapyfi record` has written, and `wrapyfi play` what `ros2 bag record` has.
+fn recordings_go_both_ways(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    /// The object of a script, as text.
+    const SAID: &str = r#"data: '{"said": 1}'"#;
+    let (topic, again) = (env.topic("spoken"), env.topic("again"));
+    let [ours, theirs] = ["ours", "theirs"].map(|name| env.path(name).display().to_string());
+    let publish = ["pub", &ros2(&topic), "--type", STRING, "--value", r#"{"said": 1}"#];
+    let publisher = ros.wrapyfi([&publish[..], &["--rate", "20"]].concat())?;
+    let mut record = ros.wrapyfi(["record", &ros2(&topic), "--output", &ours])?;
+    prints(&record, &["records", &topic])?;
+    let mut their_record = ros.ros2(&["bag", "record", "-s", "mcap", "-o", &theirs, &topic])?;
+    prints(&their_record, &["Subscribed to topic", &topic])?;
+    // A message that came after both had begun.
+    let heard = ["echo", &ros2(&topic), "--type", STRING, "--json"];
+    ros.wrapyfi(heard)?.objects(20)?;
+    record.interrupt()?;
+    record.exits_with(0)?;
+    their_record.terminate()?;
+    their_record.exit_code()?;
+    drop(publisher);
+    let mut info = ros.ros2(&["bag", "info", &ours])?;
+    info.exits_with(0)?;
+    let told = format!("Topic: {topic} | Type: {STRING} | Count: ");
+    assert!(info.stdout().contains(&told), "{}", info.stdout());
+
+    let play = ros.ros2(&["bag", "play", "--loop", &ours])?;
+    let mut echo = ros.ros2(&["topic", "echo", "--once", &topic, STRING])?;
+    echo.exits_with(0).map_err(|error| error.context(play.tail()))?;
+    assert_eq!(echo.stdout().lines().next(), Some(SAID));
+    drop(play);
+    let play = ros.wrapyfi(["play", &theirs, "--loop", "--to", &ros2(&again)])?;
+    let mut echo = ros.ros2(&["topic", "echo", "--once", &format!("{again}{topic}"), STRING])?;
+    echo.exits_with(0).map_err(|error| error.context(play.tail()))?;
+    assert_eq!(echo.stdout().lines().next(), Some(SAID));
+    Ok(())
 }
 
 // Wrapyfi on rclpy ------------------------------------------------------------------------------

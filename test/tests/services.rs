@@ -1,7 +1,7 @@
 //! Services: `wrapyfi call` and `wrapyfi serve` with each other and with an independent node.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, TestEnv, run};
+use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, TestEnv, rmw, run};
 
 const NEEDS: &[Need] = &[Need::Program];
 const FAST: &str = "rmw_fastrtps_cpp";
@@ -25,7 +25,7 @@ fn start(env: &TestEnv, rmw: &str, command: &str, service: &str, more: &[&str]) 
 }
 
 fn call(env: &TestEnv, service: &str, more: &[&str]) -> Result<Process> {
-    start(env, CYCLONE, "call", service, more)
+    start(env, &rmw(), "call", service, more)
 }
 
 fn reply_as(env: &TestEnv, rmw: &str, service: &str, more: &[&str]) -> Result<Value> {
@@ -36,11 +36,11 @@ fn reply_as(env: &TestEnv, rmw: &str, service: &str, more: &[&str]) -> Result<Va
 }
 
 fn reply(env: &TestEnv, service: &str, more: &[&str]) -> Result<Value> {
-    reply_as(env, CYCLONE, service, more)
+    reply_as(env, &rmw(), service, more)
 }
 
 fn serve(env: &TestEnv, service: &str, more: &[&str]) -> Result<Process> {
-    start(env, CYCLONE, "serve", service, more)
+    start(env, &rmw(), "serve", service, more)
 }
 
 #[test]
@@ -97,10 +97,10 @@ fn what_a_function_returns_is_printed_in_words() -> Result {
         ] {
             let endpoint = format!("ros2:{}", env.topic(name));
             let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
-            let mut server = env.wrapyfi_as(CYCLONE, words)?;
+            let mut server = env.wrapyfi(words)?;
             let value = ["--args", r#"[{"name": "Jörg"}]"#];
             let words = ["call", &endpoint, "--timeout", "60", value[0], value[1]];
-            let mut call = env.wrapyfi_as(CYCLONE, words)?;
+            let mut call = env.wrapyfi(words)?;
             call.exits_with(0)?;
             assert_eq!(call.stdout().trim(), r#"{"name":"Jörg"}"#);
             server.exits_with(0)?;
@@ -118,9 +118,9 @@ fn the_common_types_need_no_definitions() -> Result {
         ] {
             let endpoint = format!("ros2:{}", env.topic(name));
             let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
-            let mut server = env.wrapyfi_as(CYCLONE, words)?;
+            let mut server = env.wrapyfi(words)?;
             let words = ["call", &endpoint, "--type", kind, "--json", "--timeout", "60"];
-            let mut call = env.wrapyfi_as(CYCLONE, words)?;
+            let mut call = env.wrapyfi(words)?;
             call.exits_with(0)?;
             assert_eq!(call.objects(1)?[0]["value"], reply);
             server.exits_with(0)?;
