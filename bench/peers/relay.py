@@ -6,7 +6,7 @@
 
     make test                                                       # rospy of Debian, rclpy of ROS 2 Kilted in .venv-kilted
     cargo build --release --locked --package wrapyfi_bridge
-    scripts/lo-namespace.sh python3 bench/peers/relay.py --rounds 6 # 6 minutes
+    scripts/lo-namespace.sh python3 bench/peers/relay.py --rounds 6 # 5 minutes
 
 Another ROS 2 that is sourced: --rclpy /usr/bin/python3, and RMW_IMPLEMENTATION. Latency counts from the time when a
 message was due, CPU is that of the thing in between over what arrived. A table on stdout, all figures in --out as JSON.
