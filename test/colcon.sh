@@ -155,6 +155,7 @@ commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/versioned/CMakeFiles
 
 step="what is compiled where an rmw is sourced"
 sourced=$workspace/sourced
+rm -rf "$sourced" "$workspace"/untested/rmw-* # of the last run, with every library
 mkdir -p "$sourced"/{include/rmw/rmw,lib}
 touch "$sourced"/include/rmw/rmw/rmw.h "$sourced"/lib/libfastcdr.so
 for choice in none one loader off; do
