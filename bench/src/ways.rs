@@ -34,6 +34,12 @@ fn p50(turn: &Turn) -> f64 {
     quantile(&turn.paced.report.latency_us, 0.5)
 }
 
+/// Of the messages of all rounds.
+fn p99(turns: &BTreeMap<u32, Turn>) -> f64 {
+    let all = turns.values().flat_map(|it| &it.paced.report.latency_us);
+    quantile(&all.copied().collect::<Vec<f64>>(), 0.99)
+}
+
 fn lost(report: &Report) -> u32 {
     (report.sent + report.refused).saturating_sub(report.received)
 }
@@ -176,9 +182,8 @@ impl Ways {
 
     /// Columns of each way and payload, which [`Self::table`] shows.
     fn figures(&self) -> Vec<Target> {
-        let figures: [(&str, &str, Figure); 7] = [
+        let figures: [(&str, &str, Figure); 6] = [
             ("us", "p50", p50),
-            ("us", "p99", |turn| quantile(&turn.paced.report.latency_us, 0.99)),
             ("1/s", "messages a second", |turn| turn.window.rate()),
             ("us", "CPU a message", |turn| turn.paced.cpu_us),
             ("us", "CPU a message, between the ends", |turn| turn.paced.middle_us),
@@ -190,14 +195,17 @@ impl Ways {
                 let what = format!("{}, {}: {name}", case.way.title(), case.payload.title());
                 Row::new(case.way.area(), unit, what).in_other_table()
             };
-            let count =
-                |name, messages: u32| Target::once(row("", name), Shown, messages.into(), "");
-            let counts = [count("lost", total(turns, lost)), count("twice", total(turns, twice))];
+            let once = |unit, name, value| Target::once(row(unit, name), Shown, value, "");
+            let of_all = [
+                once("us", "p99", p99(turns)),
+                once("", "lost", total(turns, lost).into()),
+                once("", "twice", total(turns, twice).into()),
+            ];
             let figures = figures.map(|(unit, name, of)| {
                 let rounds: Vec<f64> = turns.values().map(of).collect();
                 Target::of(row(unit, name), Shown, &rounds, "")
             });
-            counts.into_iter().chain(figures).collect::<Vec<_>>()
+            of_all.into_iter().chain(figures).collect::<Vec<_>>()
         };
         self.0.iter().filter(|(case, _)| !case.is_other).flat_map(figure).collect()
     }
@@ -215,8 +223,6 @@ impl Ways {
             let of = |figure: Figure| turns.values().map(figure).collect::<Vec<f64>>();
             let middle = |figure: Figure| quantile(&of(figure), 0.5);
             let halves = of(p50);
-            let all: Vec<f64> =
-                turns.values().flat_map(|it| it.paced.report.latency_us.clone()).collect();
             _ = writeln!(
                 text,
                 "| {}{} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
@@ -226,7 +232,7 @@ impl Ways {
                 quantile(&halves, 0.5),
                 quantile(&halves, 0.0),
                 quantile(&halves, 1.0),
-                quantile(&all, 0.99),
+                p99(turns),
                 total(turns, lost),
                 total(turns, twice),
                 middle(|it| it.window.rate()),
