@@ -183,12 +183,9 @@ impl Connection {
                 Err(error) => return self.lose(role, now, &error),
             }
             if let Way::Begun(stream, _) = std::mem::replace(&mut self.way, Way::Ended) {
-                let end = stream.local_addr().map(|socket| End::of(socket, Side::Ours));
-                let peer = Peer::new(stream, self.broker, now).connecting();
-                let peer = role.begin(match end {
-                    Ok(end) => peer.at(end),
-                    Err(_) => peer,
-                });
+                let end = stream.local_addr().ok().map(|socket| End::of(socket, Side::Ours));
+                let peer = Peer::new(stream, self.broker, now).connecting().at(end);
+                let peer = role.begin(peer);
                 match self.secure(peer) {
                     Ok(peer) => self.way = Way::Up(Box::new(peer)),
                     Err(breach) => return self.lose(role, now, &breach),

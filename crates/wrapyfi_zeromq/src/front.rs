@@ -465,7 +465,7 @@ impl Front {
                 tracing::debug!(%address, %error, "a peer could not be accepted");
                 continue;
             }
-            let peer = Peer::new(stream, address, now).at(End::of(address, Side::Broker));
+            let peer = Peer::new(stream, address, now).at(Some(End::of(address, Side::Broker)));
             let peer = match self.kind {
                 Kind::Xpub => peer,
                 kind => peer.of_messages(kind, self.bounds.message_bytes),

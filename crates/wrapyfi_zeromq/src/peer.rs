@@ -84,7 +84,7 @@ pub(super) struct Peer<S = TcpStream> {
     asked_at: Option<Instant>,
     /// True once it is known to answer a heartbeat: libzmq before 4.2 does not.
     has_heartbeats: bool,
-    /// End of the connection at which we are; `None` where there is no connection.
+    /// End of the connection at which we are; `None` where its address is not known.
     end: Option<End>,
 }
 
@@ -124,9 +124,9 @@ impl<S: Read + Write> Peer<S> {
         Self { connects: true, ..self }
     }
 
-    /// The same, at that end of a connection.
-    pub(super) fn at(self, end: End) -> Self {
-        Self { end: Some(end), ..self }
+    /// The same, at that end of a connection, where its address is known.
+    pub(super) fn at(self, end: Option<End>) -> Self {
+        Self { end, ..self }
     }
 
     /// The same, of a connection for messages of one topic.
@@ -535,11 +535,8 @@ impl<S: Read + Write> Peer<S> {
         if silent >= PROGRESS && (has_begun || !self.inbox.is_empty()) {
             return false;
         }
-        if silent < options::SILENCE {
+        if silent < options::SILENCE || self.is_inside() {
             self.asked_at = None;
-            return true;
-        }
-        if self.is_inside() {
             return true;
         }
         match self.asked_at {

@@ -92,7 +92,7 @@ fn half_a_word_ends_also_where_something_waits_for_the_listener() {
 #[test]
 fn a_connection_within_the_process_is_not_asked_whether_it_lives() {
     let socket = SocketAddr::from(([192, 0, 2, 1], 1));
-    let mut peer = listener(1).at(End::of(socket, Side::Broker));
+    let mut peer = listener(1).at(Some(End::of(socket, Side::Broker)));
     let other = End::of(socket, Side::Ours);
     let silent = peer.heard_at + options::SILENCE;
     assert!(peer.is_alive(silent) && peer.outbox.is_empty());
