@@ -43,7 +43,7 @@ fn converted(data: &[u8]) {
     let report = convert(&mut bag, &mut conversion, &mut out, &all, &mut |_| true).unwrap();
     assert!(report.messages <= data.len() as u64);
     assert_eq!(report.damage.is_none(), report.damage.to_string().is_empty());
-    let (file, metadata) = out.finish("fuzzed.mcap").unwrap();
+    let (file, metadata) = out.finish("fuzzed.mcap", "jazzy").unwrap();
     assert_eq!(metadata.messages(), report.messages);
     assert_eq!(read(&file.into_inner()), Some(report.messages));
 }

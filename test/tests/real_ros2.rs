@@ -590,6 +590,12 @@ fn recordings_go_both_ways(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     info.exits_with(0)?;
     let told = format!("Topic: {topic} | Type: {STRING} | Count: ");
     assert!(info.stdout().contains(&told), "{}", info.stdout());
+    let mut theirs_info = ros.ros2(&["bag", "info", &theirs])?;
+    theirs_info.exits_with(0)?;
+    let distro =
+        |info: &str| info.lines().find(|line| line.starts_with("ROS Distro:")).map(str::to_owned);
+    let told = distro(&theirs_info.stdout());
+    assert!(told.is_some() && distro(&info.stdout()) == told, "{}", info.stdout());
 
     let play = ros.ros2(&["bag", "play", "--loop", &ours])?;
     let mut echo = ros.ros2(&["topic", "echo", "--once", &topic, STRING])?;

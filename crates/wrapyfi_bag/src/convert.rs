@@ -127,7 +127,7 @@ enum Way {
 /// let mut conversion = Conversion::new(types, Options::default());
 /// let all = ConvertOptions::default();
 /// let report = convert(&mut bag, &mut conversion, &mut out, &all, &mut |_| true)?;
-/// out.finish("robot.mcap")?;
+/// out.finish("robot.mcap", "")?;
 /// println!("{} messages", report.messages);
 /// # Ok(())
 /// # }

@@ -19,6 +19,8 @@ pub struct Metadata {
     pub start_ns: u64,
     /// Time from the first message to the last in nanoseconds.
     pub duration_ns: u64,
+    /// Distribution of ROS 2 that was sourced, for instance `jazzy`; empty without one.
+    pub ros_distro: String,
 }
 
 impl Metadata {
@@ -42,7 +44,7 @@ impl Metadata {
     }
 
     fn write(&self, text: &mut String, indent: &str) {
-        let Self { file, topics, start_ns, duration_ns } = self;
+        let Self { file, topics, start_ns, duration_ns, ros_distro } = self;
         let (file, messages) = (quoted(file), self.messages());
         let mut line = |deeper: &str, line: &str| {
             _ = writeln!(text, "{indent}{deeper}{line}");
@@ -75,7 +77,7 @@ impl Metadata {
         line("    ", &format!("duration:\n{indent}      nanoseconds: {duration_ns}"));
         line("    ", &format!("message_count: {messages}"));
         line("", "custom_data: ~");
-        line("", "ros_distro: wrapyfi");
+        line("", &format!("ros_distro: {}", quoted(ros_distro)));
     }
 }
 

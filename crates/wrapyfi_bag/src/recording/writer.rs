@@ -108,7 +108,7 @@ struct Written {
 /// let mut out = Writer::new(Cursor::new(Vec::new()), Compression::None).unwrap();
 /// let topic = out.add_topic(&Topic::of("/chatter", &text, vec![Qos::default()])).unwrap();
 /// out.write(topic, 5, 5, b"\0\x01\0\0\x03\0\0\0hi\0").unwrap();
-/// let (file, metadata) = out.finish("chatter_0.mcap").unwrap();
+/// let (file, metadata) = out.finish("chatter_0.mcap", "jazzy").unwrap();
 /// assert!(file.into_inner().starts_with(b"\x89MCAP0\r\n"));
 /// assert!(metadata.to_yaml().contains("message_count: 1"));
 /// ```
@@ -204,17 +204,19 @@ impl<W: Write + Seek> Writer<W> {
         Ok(self.inner.flush()?)
     }
 
-    /// Ends the recording, and returns the file with what is in it. `file` is its name, which `metadata.yaml` has.
+    /// Ends the recording, and returns the file with what is in it. `metadata.yaml` has `file`, its name, and `ros_distro`, the
+    /// distribution of ROS 2 that is sourced: `ros2 bag` writes the variable `ROS_DISTRO`, and an empty text without it.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn finish(mut self, file: &str) -> Result<(W, Metadata), WriteError> {
+    pub fn finish(mut self, file: &str, ros_distro: &str) -> Result<(W, Metadata), WriteError> {
         let (first, last) = self.bounds_ns.unwrap_or_default();
         let metadata = Metadata {
             file: file.to_owned(),
             topics: self.topics.into_iter().map(|one| (one.topic, one.messages)).collect(),
             start_ns: first,
             duration_ns: last - first,
+            ros_distro: ros_distro.to_owned(),
         };
         self.inner.write_metadata(&mcap::records::Metadata {
             name: "rosbag2".to_owned(),

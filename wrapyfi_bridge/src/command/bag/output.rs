@@ -1,5 +1,6 @@
 //! The files of a recording that is written: a file, or a folder with `metadata.yaml`.
 
+use std::env;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -61,7 +62,9 @@ impl Place {
     /// Exit code 1 where the system refuses.
     pub(super) fn finish(&self, out: Writer<BufWriter<File>>) -> Result<Metadata> {
         let name = self.file.file_name().unwrap_or_default().to_string_lossy();
-        let (_, metadata) = out.finish(&name).with_context(|| self.file.display().to_string())?;
+        let distro = env::var("ROS_DISTRO").unwrap_or_default();
+        let (_, metadata) =
+            out.finish(&name, &distro).with_context(|| self.file.display().to_string())?;
         if let Some(folder) = &self.folder {
             let file = folder.join("metadata.yaml");
             fs::write(&file, metadata.to_yaml()).with_context(|| file.display().to_string())?;
