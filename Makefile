@@ -62,7 +62,7 @@ test-asan: | target/COLCON_IGNORE
 	@scripts/test-asan.sh
 
 # Built as users build it, every test once more.
-test-release: export PROFILE := release
+test-release: export PROFILE := colcon
 test-release: test-colcon
 
 setup-build:

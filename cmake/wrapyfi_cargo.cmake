@@ -11,10 +11,9 @@
 
 get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
 set(WRAPYFI_RUST_MINIMUM 1.89)
-# Libraries whose sources are installed, and the programs.
+# Libraries whose sources are installed.
 set(WRAPYFI_LIBRARIES wrapyfi_retry wrapyfi_interfaces wrapyfi_data wrapyfi_plugins wrapyfi_endpoint wrapyfi_engine wrapyfi_node wrapyfi_macros wrapyfi_yarp wrapyfi_rmw
   wrapyfi_zeromq wrapyfi_ros1 wrapyfi_ros2 wrapyfi_yarp_endpoint wrapyfi_core)
-set(WRAPYFI_INSTALLED_CRATES ${WRAPYFI_LIBRARIES} wrapyfi_bridge)
 
 include("${CMAKE_CURRENT_LIST_DIR}/wrapyfi_rmw.cmake")
 
@@ -30,7 +29,7 @@ unset(_target)
 
 # Optimised whatever CMAKE_BUILD_TYPE says, because colcon sets none and pictures would crawl. `dev` compiles
 # in a third of the time, where the build is what is tested.
-set(WRAPYFI_CARGO_PROFILE release CACHE STRING "Profile of Cargo: release or dev")
+set(WRAPYFI_CARGO_PROFILE colcon CACHE STRING "Profile of Cargo: colcon, release or dev")
 if(WRAPYFI_CARGO_PROFILE STREQUAL "dev")
   set(WRAPYFI_PROGRAMS_DIR "${WRAPYFI_CARGO_TARGET_DIR}/debug")
 else()
@@ -117,7 +116,8 @@ function(wrapyfi_cargo_build)
     endif()
     set(_commands COMMAND ${_build} ${_packages} --all-targets ${WRAPYFI_FEATURES})
   else()
-    list(TRANSFORM WRAPYFI_INSTALLED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
+    # The program alone, which has every library in it: macros that are named too are compiled for the program as well.
+    set(_packages --package=wrapyfi_bridge)
     # Services of Fast DDS nodes go through rmw where there is one: RustDDS is left out.
     if(WRAPYFI_RMW)
       list(APPEND _packages --no-default-features)

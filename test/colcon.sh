@@ -2,7 +2,7 @@
 # Builds, tests and installs the packages with colcon, as a user's workspace does, and uses what was
 # installed. Works on plain Debian and Ubuntu and in a sourced ROS 2.
 #
-# PROFILE=release (as `make nightly` says) compiles as users do, and runs every test. Without it the foreign
+# PROFILE=colcon (as `make nightly` says) compiles as users do, and runs every test. Without it the foreign
 # crates of the repository's own development build serve again, and of the tests, all of which `make test` has just
 # run, only those of three crates are built, and of these one folder with whole programs and those beside the code are run.
 set -euo pipefail
