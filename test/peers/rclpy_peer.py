@@ -13,7 +13,7 @@
 In a published value {n} stands for the number of the message; in a reply = is an expression. Lines on stdout:
 {"event": "ready"}, then {"event": "message", "index", "value", "sha256"}: the fields, and the digest of them as
 JSON; `reply` where it called. A publisher waits for a subscription. The server gives feedback as many times as the
-goal's order says, rejects a negative one, aborts at 0, and cancels all but 13. Goals are cancelled at the first feedback.
+goal's order says, rejects a negative one, aborts at 0, and cancels all but 10 013. Goals are cancelled at the first feedback.
 """
 import argparse
 import hashlib
@@ -206,7 +206,8 @@ def achieve(node):
             if goal.is_cancel_requested:
                 goal.canceled()
                 return kind.Result(sequence=sequence)
-            sequence.append(sequence[-1] + sequence[-2])
+            # A goal that lasts reaches what 32 bits hold, and rclpy aborts it.
+            sequence.append((sequence[-1] + sequence[-2]) % 2**31)
             goal.publish_feedback(kind.Feedback(sequence=sequence))
             leaving.wait(1 / args.rate)
         goal.abort() if order == 0 else goal.succeed()
@@ -218,7 +219,7 @@ def achieve(node):
 
     def cancel(goal):
         response = rclpy.action.CancelResponse
-        return response.REJECT if goal.request.order == 13 else response.ACCEPT
+        return response.REJECT if goal.request.order == 10_013 else response.ACCEPT
 
     rclpy.action.ActionServer(node, kind, args.topic, execute, goal_callback=judge, cancel_callback=cancel,
                               callback_group=rclpy.callback_groups.ReentrantCallbackGroup())

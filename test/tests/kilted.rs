@@ -143,8 +143,8 @@ fn actions_of_rclpy_are_driven() -> Result {
                 assert_eq!(all[7]["value"]["sequence"], all[6]["value"]["sequence"]);
             }
         }
-        // Several goals, of which one is cancelled, and one cannot be.
-        let (mut one, refused) = (send(10_000)?, send(13)?);
+        // Several goals, of which one is cancelled, and one cannot be. Both outlast any wait for what comes before.
+        let (mut one, refused) = (send(10_000)?, send(10_013)?);
         told(&one, "feedback")?;
         told(&refused, "feedback")?;
         one.interrupt()?;
