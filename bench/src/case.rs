@@ -127,7 +127,7 @@ impl Case {
     /// so that nothing is dropped.
     pub(crate) fn window(self) -> Order {
         if self.payload == Small && !self.way.is_coded() {
-            return Order::Window { count: 10_000, inflight: 64 };
+            return Order::Window { count: 60_000, inflight: 64 };
         }
         let count = match (self.payload, self.way.library().is_some()) {
             (FileMib, _) => 300,

@@ -13,7 +13,8 @@ use crate::case::Way::{
     RustForward, RustHop, ZmqToRos,
 };
 use crate::micro::Micro;
-use crate::payload::Kind::{self, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::payload::Kind::{F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::payload::{self, Kind};
 use crate::proc;
 use crate::report::Limit::{self, AtLeast, AtMost, Shown};
 use crate::report::{Row, Target, quantile};
@@ -109,7 +110,7 @@ impl Ways {
                 // Pixels are base64 on ZeroMQ; a file goes as it is.
                 let base64 = match kind {
                     VgaRgb | FullHdRgb => {
-                        micro.us(&format!("base64/{code} {}", crate::payload::name(&kind)))
+                        micro.us(&format!("base64/{code} {}", payload::name(&kind)))
                     }
                     _ => 0.0,
                 };
@@ -161,9 +162,17 @@ impl Ways {
                     kind.title()
                 );
                 let limit = if unit.is_empty() { AtLeast(1.0) } else { AtMost(1.0) };
-                let both = [OurPublisher, RawZmq].map(|way| self.series(way, kind, false, of));
-                let row = Row::new("zeromq", "ratio", what);
-                targets.extend(self.ratio(row, limit, (&both[0], &both[1]), unit));
+                let [ours, mut raw] =
+                    [OurPublisher, RawZmq].map(|way| self.series(way, kind, false, of));
+                let row = Row::new("zeromq", "ratio", what.clone());
+                targets.extend(self.ratio(row, limit, (&ours, &raw), unit));
+                if kind == Small && !unit.is_empty() {
+                    // libzmq is given its messages encoded.
+                    let coding = micro.us(&format!("zeromq/encode {}", payload::name(&kind)));
+                    raw.values_mut().for_each(|us| *us += coding);
+                    let row = Row::new("zeromq", "ratio", format!("{what}, and coding alone"));
+                    targets.extend(self.ratio(row, limit, (&ours, &raw), unit));
+                }
             }
         }
         for case in self.0.keys().filter(|case| case.is_other) {

@@ -31,6 +31,11 @@ use wrapyfi_endpoint::{DropReason, Throttle};
 /// Shortest time between two looks at a connection to which nothing happens.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
+/// Messages of a burst that wait for the I/O thread, before whoever has another writes by himself.
+const BURST_MESSAGES: usize = 256;
+/// Bytes of a burst that are sent with one call.
+const BURST_BYTES: usize = 64 * 1024;
+
 /// Bytes read at once.
 const READ_BYTES: usize = 16 * 1024;
 
@@ -90,10 +95,12 @@ pub(super) struct Connection {
     backoff: Backoff,
     /// Instant until which what waits is still sent, because the socket is closed.
     closes: Option<Instant>,
-    /// A second descriptor of the connection, for threads that wait for it by themselves.
+    /// A second descriptor of the connection, for threads that use it without the socket's lock.
     stream: Option<Arc<TcpStream>>,
     /// True while such a thread watches the connection, and the I/O thread does not.
     is_lent: bool,
+    /// True while the I/O thread writes without the socket's lock, and nobody else may write.
+    is_flushing: bool,
     /// True where the I/O thread is told of what can be read only, and not of room to write.
     is_narrow: bool,
 }
@@ -128,6 +135,7 @@ impl Connection {
             closes: None,
             stream: None,
             is_lent: false,
+            is_flushing: false,
             is_narrow: false,
         }
     }
@@ -259,6 +267,9 @@ impl Connection {
         now: Instant,
     ) -> bool {
         let Way::Up(peer) = &mut self.way else { return true };
+        if self.is_flushing {
+            return true;
+        }
         let written = loop {
             let written = peer.write();
             let has_room = peer.is_open() && peer.outbox.is_empty();
@@ -303,6 +314,7 @@ impl Connection {
     /// Puts another state in place of the one that has ended, which is returned.
     fn leave(&mut self, way: Way) -> Way {
         (self.stream, self.is_lent, self.is_narrow) = (None, false, false);
+        self.is_flushing = false;
         std::mem::replace(&mut self.way, way)
     }
 
@@ -332,13 +344,49 @@ impl Connection {
         if self.is_lent || !peer.is_open() || !peer.outbox.is_empty() {
             return None;
         }
-        let stream = match &self.stream {
-            Some(stream) => Arc::clone(stream),
-            None => Arc::new(peer.stream.try_clone().ok()?),
-        };
+        let stream = second(&mut self.stream, peer)?;
         registry.deregister(&mut SourceFd(&peer.stream.as_raw_fd())).ok()?;
-        (self.is_lent, self.stream) = (true, Some(Arc::clone(&stream)));
+        self.is_lent = true;
         Some(stream)
+    }
+
+    /// True where so many messages wait, for a queue of `hwm`, that whoever has another writes some of them first.
+    pub(super) fn is_crowded(&self, hwm: Option<usize>) -> bool {
+        let most = hwm.map_or(BURST_MESSAGES, |hwm| BURST_MESSAGES.min(hwm / 2));
+        self.peer().is_some_and(|peer| peer.outbox.len() > most)
+    }
+
+    /// True while the I/O thread writes without the socket's lock.
+    pub(super) fn is_flushing(&self) -> bool {
+        self.is_flushing
+    }
+
+    /// True where what waits goes once the system tells that there is room.
+    pub(super) fn is_blocked(&self) -> bool {
+        self.peer().is_some_and(|peer| peer.is_blocked)
+    }
+
+    /// Copies into `bytes` what waits, for the I/O thread to write without the socket's lock into the connection that is
+    /// returned; `None` where nothing waits, or there is no room for it. [`Self::end_flush`] has to follow.
+    pub(super) fn begin_flush(&mut self, bytes: &mut Vec<u8>) -> Option<Arc<TcpStream>> {
+        let Way::Up(peer) = &mut self.way else { return None };
+        if !peer.is_open() || peer.is_blocked || peer.outbox.is_empty() {
+            return None;
+        }
+        let stream = second(&mut self.stream, peer)?;
+        bytes.clear();
+        peer.copy_waiting(bytes, BURST_BYTES);
+        self.is_flushing = true;
+        Some(stream)
+    }
+
+    /// Takes note of the first `count` bytes, which were written; true where more waits.
+    pub(super) fn end_flush(&mut self, count: usize) -> bool {
+        let (true, Way::Up(peer)) = (std::mem::take(&mut self.is_flushing), &mut self.way) else {
+            return false;
+        };
+        peer.note_written(count);
+        !peer.outbox.is_empty()
     }
 
     /// Has the I/O thread watch the connection again; false where the connection has ended by it.
@@ -408,6 +456,14 @@ pub(super) fn read(
     let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
     heard.into_iter().for_each(|said| role.hear(said));
     read
+}
+
+/// A second descriptor of a connection, which is made once.
+fn second(stream: &mut Option<Arc<TcpStream>>, peer: &Peer) -> Option<Arc<TcpStream>> {
+    if stream.is_none() {
+        *stream = Some(Arc::new(peer.stream.try_clone().ok()?));
+    }
+    stream.clone()
 }
 
 /// Begins a connection, whose events the I/O thread is told.

@@ -32,6 +32,8 @@ pub(super) enum Command {
     Open(u64, Box<dyn IoEndpoint>),
     /// There is room in an inbox again, or something to send.
     Look(u64),
+    /// A burst of messages to send.
+    Flush(u64),
     Close(u64),
 }
 
@@ -92,6 +94,7 @@ impl Io {
             poll,
             ends: BTreeMap::new(),
             ready: BTreeSet::new(),
+            bursts: Default::default(),
             timed: Timed::default(),
             faults: Throttle::default(),
             pause: Backoff::of_process(4).up_to(backoff::FIRST),
@@ -118,6 +121,9 @@ impl Drop for Io {
 pub(super) trait IoEndpoint: Send {
     /// Handles what happened to the socket, without waiting.
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress;
+
+    /// Sends some of a burst of messages, through `scratch`; true when more may wait.
+    fn flush(&mut self, scratch: &mut Vec<u8>, registry: &Registry) -> bool;
 
     /// Has the socket end: a look that follows tells when it is over.
     fn close(&mut self, now: Instant);
@@ -174,6 +180,8 @@ struct Worker {
     ends: BTreeMap<u64, Box<dyn IoEndpoint>>,
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
+    /// Endpoints that have a burst of messages to send, and what is sent of it at once.
+    bursts: (BTreeSet<u64>, Vec<u8>),
     timed: Timed,
     faults: Throttle,
     /// Pauses of an endpoint that did something wrong, all of them short.
@@ -219,7 +227,8 @@ impl Worker {
             }
             let next = self.timed.next().into_iter().chain(until).min();
             let left = next.map(|at| at.saturating_duration_since(Instant::now()));
-            let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
+            let is_idle = self.ready.is_empty() && self.bursts.0.is_empty();
+            let wait = if is_idle { left } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, wait)
                 && error.kind() != std::io::ErrorKind::Interrupted
             {
@@ -233,6 +242,7 @@ impl Worker {
                 }
             }
             self.look();
+            self.flush();
         }
     }
 
@@ -241,6 +251,7 @@ impl Worker {
             match command {
                 Command::Open(id, end) => self.add(id, end),
                 Command::Look(id) => _ = self.ready.insert(id),
+                Command::Flush(id) => _ = self.bursts.0.insert(id),
                 Command::Close(id) => self.close(id),
             }
         }
@@ -285,6 +296,15 @@ impl Worker {
             }
             self.timed.set(id, look.timeout.map(|time| now + time));
         }
+    }
+
+    /// Sends for each burst what has come by now.
+    fn flush(&mut self) {
+        let (bursts, scratch) = &mut self.bursts;
+        bursts.retain(|id| {
+            let end = self.ends.get_mut(id);
+            end.is_some_and(|end| end.flush(scratch, self.poll.registry()))
+        });
     }
 
     /// Says that an endpoint panicked, which is looked at again after a pause.

@@ -61,10 +61,14 @@ impl BrokerLink {
 
     /// Cause for which the broker is not reached; `None` while it is.
     pub(super) fn waiting_for(&self) -> Option<Cause> {
+        let state = self.state.load(Relaxed);
+        // Asked with each message: words are made only where there is something to say.
+        if state == UP {
+            return None;
+        }
         let broker = options::endpoint(self.broker);
         let server = Named::server("the broker at", &broker);
-        Some(match self.state.load(Relaxed) {
-            UP => return None,
+        Some(match state {
             ENDED => Cause::Ended("ZeroMQ, which was shut down here".to_owned()),
             REFUSED => Cause::OtherServer { server: Named::server("a ZeroMQ broker at", &broker) },
             SECURED => {

@@ -67,7 +67,8 @@ impl Publisher for ZeroMqPublisher {
         if let Some(what) = self.socket.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
-        if self.socket.subscriptions(false) == 0 {
+        let audience = self.socket.audience();
+        if audience.subscriptions == 0 {
             return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         if !self.told_order {
@@ -75,7 +76,7 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = codec::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        self.socket.publish(frames, bytes).map_err(|reason| {
+        let is_refused = self.socket.publish(audience, frames, bytes).map_err(|reason| {
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },
@@ -84,7 +85,7 @@ impl Publisher for ZeroMqPublisher {
             }
         })?;
         // It was sent all the same: the broker names whom it refuses.
-        match self.socket.is_refused() {
+        match is_refused {
             false => Ok(bytes),
             true => Err(PublishError::Refused {
                 topic: self.spec.topic.clone(),

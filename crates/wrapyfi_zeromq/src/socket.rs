@@ -5,11 +5,18 @@
 //!   owner ──── send ────┐                     ┌─▶ publication, reception or service
 //!   I/O thread ─ look ─┼─▶ one at a time ────┤
 //!   a wait ──── read ──┘                     └─▶ Connection ── TCP ──▶ broker
+//!
+//!   owner ── send_small ─▶ in a burst: outbox ─▶ I/O thread ── flush, without the lock ─▶ TCP
 //! ```
+//!
+//! A call of the system for each small message would be most of what it costs. So the messages of a burst are left to
+//! the I/O thread, which sends with one call what has come while the call before it ran. A message for itself is written
+//! by its owner: to wake a thread would take longer.
 
+use std::io::Write as _;
 use std::os::fd::AsFd;
-use std::sync::Arc;
-use std::time::Instant;
+use std::sync::{Arc, MutexGuard};
+use std::time::{Duration, Instant};
 
 use mio::Registry;
 
@@ -26,11 +33,45 @@ pub(super) struct Socket<R> {
     pub(super) context: Context,
     io: Arc<Handle>,
     state: Mutex<SocketState<R>>,
+    /// Held while the I/O thread sends some of a burst.
+    flush: Mutex<()>,
 }
 
 struct SocketState<R> {
     connection: Connection,
     role: R,
+    burst: Burst,
+}
+
+/// Mean time between two messages below which they are a burst.
+const BURST_GAP: Duration = Duration::from_micros(20);
+/// Longest gap as it counts in the mean: a burst is over after two of them.
+const LONG_GAP: Duration = Duration::from_micros(200);
+/// Gaps of which the mean is taken, about.
+const GAPS: u32 = 8;
+
+/// Mean time between the messages that an owner sends.
+struct Burst {
+    last: Option<Instant>,
+    gap: Duration,
+    /// True while the I/O thread has been asked to send what waits.
+    is_asked: bool,
+}
+
+impl Default for Burst {
+    fn default() -> Self {
+        Self { last: None, gap: LONG_GAP, is_asked: false }
+    }
+}
+
+impl Burst {
+    /// True for a message that comes `now`, as one of a burst.
+    fn has(&mut self, now: Instant) -> bool {
+        let last = self.last.replace(now);
+        let gap = last.map_or(LONG_GAP, |last| now.saturating_duration_since(last));
+        self.gap = (self.gap * (GAPS - 1) + gap.min(LONG_GAP)) / GAPS;
+        self.gap < BURST_GAP
+    }
 }
 
 impl<R: SocketRole> Socket<R> {
@@ -46,7 +87,8 @@ impl<R: SocketRole> Socket<R> {
             link: Arc::clone(&connection.link),
             context: context.clone(),
             io: Arc::clone(io),
-            state: Mutex::new(SocketState { connection, role }),
+            state: Mutex::new(SocketState { connection, role, burst: Burst::default() }),
+            flush: Mutex::new(()),
         });
         io.send(Command::Open(socket.id, Box::new(Arc::clone(&socket))));
         socket
@@ -60,21 +102,65 @@ impl<R: SocketRole> Socket<R> {
 
     /// Result of `what` on the role, with the connection as it is now.
     pub(super) fn with<T>(&self, what: impl FnOnce(&mut R, &Connection) -> T) -> T {
-        let SocketState { connection, role } = &mut *self.state.lock();
+        let SocketState { connection, role, .. } = &mut *self.state.lock();
         what(role, connection)
     }
 
     /// Has the role take what `put` gives it, and writes as much as there is room for. Never waits.
     pub(super) fn send<T>(&self, put: impl FnOnce(&mut R, &mut Connection) -> T) -> T {
         let mut state = self.state.lock();
-        let SocketState { connection, role } = &mut *state;
+        let SocketState { connection, role, .. } = &mut *state;
         let put = put(role, connection);
-        let (now, link) = (Instant::now(), connection.link.state());
-        let is_for_io = !connection.write(role, &self.io.registry, now);
+        self.write(state);
+        put
+    }
+
+    /// The same for a small message, of which `hwm` may wait: one of a burst is left to the I/O thread. An owner that is
+    /// faster than that thread waits until it has sent some.
+    pub(super) fn send_small<T>(
+        &self,
+        hwm: Option<usize>,
+        put: impl FnOnce(&mut R, &mut Connection) -> T,
+    ) -> T {
+        let mut state = self.state.lock();
+        while state.connection.is_crowded(hwm) {
+            let is_flushing = state.connection.is_flushing();
+            if !is_flushing {
+                self.write(state);
+            } else {
+                drop(state);
+                drop(self.flush.lock());
+            }
+            state = self.state.lock();
+            if !is_flushing {
+                break;
+            }
+        }
+        let SocketState { connection, role, burst } = &mut *state;
+        let put = put(role, connection);
+        let is_in_burst = burst.has(Instant::now());
+        // While the I/O thread is at it, it sends this one too.
+        if !is_in_burst && !burst.is_asked {
+            self.write(state);
+            return put;
+        }
+        let is_to_ask = !burst.is_asked && !connection.is_blocked();
+        burst.is_asked |= is_to_ask;
+        drop(state);
+        if is_to_ask {
+            self.io.send(Command::Flush(self.id));
+        }
+        put
+    }
+
+    /// Writes as much of what waits as there is room for.
+    fn write(&self, mut state: MutexGuard<'_, SocketState<R>>) {
+        let SocketState { connection, role, .. } = &mut *state;
+        let link = connection.link.state();
+        let is_for_io = !connection.write(role, &self.io.registry, Instant::now());
         let has_changed = link != connection.link.state() || connection.is_wanted_back();
         drop(state);
         self.tell(has_changed, is_for_io);
-        put
     }
 
     /// Has the socket closed once what waits is sent, or some time has passed.
@@ -95,13 +181,33 @@ impl<R: SocketRole> Socket<R> {
 impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress {
         let mut state = self.state.lock();
-        let SocketState { connection, role } = &mut *state;
+        let SocketState { connection, role, .. } = &mut *state;
         let before = (role.seen(connection), connection.link.state());
         let progress = connection.turn(role, now, registry, faults);
         let has_changed = before != (role.seen(connection), connection.link.state());
         drop(state);
         self.tell(has_changed, false);
         progress
+    }
+
+    fn flush(&mut self, scratch: &mut Vec<u8>, _registry: &Registry) -> bool {
+        let _flush = self.flush.lock();
+        let mut state = self.state.lock();
+        let Some(stream) = state.connection.begin_flush(scratch) else {
+            state.burst.is_asked = false;
+            return false;
+        };
+        drop(state);
+        let written = (&*stream).write(scratch);
+        let mut state = self.state.lock();
+        let count = written.unwrap_or(0);
+        let has_more = state.connection.end_flush(count);
+        state.burst.is_asked = has_more;
+        if count < scratch.len() {
+            // The connection has no room or has ended: the next call tells.
+            self.write(state);
+        }
+        has_more
     }
 
     fn close(&mut self, now: Instant) {
@@ -115,7 +221,7 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
 
 impl<R: SocketRole> Pollable for Socket<R> {
     fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
-        let SocketState { connection, role } = &mut *self.state.lock();
+        let SocketState { connection, role, .. } = &mut *self.state.lock();
         if role.next_look().is_some() {
             return None;
         }
@@ -124,7 +230,7 @@ impl<R: SocketRole> Pollable for Socket<R> {
 
     fn read(&self) -> bool {
         let mut state = self.state.lock();
-        let SocketState { connection, role } = &mut *state;
+        let SocketState { connection, role, .. } = &mut *state;
         if !connection.is_lent() {
             return false;
         }
@@ -139,7 +245,7 @@ impl<R: SocketRole> Pollable for Socket<R> {
     }
 
     fn give_back(&self) {
-        let SocketState { connection, role } = &mut *self.state.lock();
+        let SocketState { connection, role, .. } = &mut *self.state.lock();
         if !connection.give_back(role, &self.io.registry) {
             self.tell(true, true);
         }
@@ -152,5 +258,24 @@ pub(super) struct LookWaker(pub(super) u64, pub(super) Arc<Handle>);
 impl std::task::Wake for LookWaker {
     fn wake(self: Arc<Self>) {
         self.1.send(Command::Look(self.0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_messages_close_together_are_a_burst_and_a_pause_ends_it() {
+        let (mut burst, mut now) = (Burst::default(), Instant::now());
+        let mut come = |burst: &mut Burst, gap_us: u64| {
+            now += Duration::from_micros(gap_us);
+            burst.has(now)
+        };
+        assert!((0..1000).all(|_| !come(&mut burst, 100)), "10 000 a second are sent one by one");
+        let one_by_one = (0..100).filter(|_| !come(&mut burst, 3)).count();
+        assert!((8..30).contains(&one_by_one), "{one_by_one}");
+        assert!((0..100).all(|count| come(&mut burst, if count % 8 == 0 { 60 } else { 3 })));
+        assert!(!come(&mut burst, 1_000_000), "the first after a pause");
     }
 }

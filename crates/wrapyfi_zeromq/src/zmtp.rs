@@ -231,8 +231,10 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
 pub(super) fn encode(frames: Vec<Bytes>) -> Vec<Bytes> {
-    let (mut parts, mut head) = (Vec::new(), Vec::new());
-    let count = frames.len();
+    let small = frames.iter().filter(|body| body.len() <= COPIED);
+    // Ten bytes are more than the header of a frame takes.
+    let mut head = Vec::with_capacity(small.map(|body| body.len() + 10).sum());
+    let (mut parts, count) = (Vec::new(), frames.len());
     for (index, body) in frames.into_iter().enumerate() {
         put_header(false, index + 1 < count, body.len(), &mut head);
         if body.len() <= COPIED {

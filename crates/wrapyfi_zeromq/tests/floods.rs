@@ -64,6 +64,24 @@ fn flood(publisher: &mut dyn Publisher, count: u64, payload: &Payload) -> (u64, 
 }
 
 #[test]
+fn a_burst_goes_out_whole_and_in_order_however_little_may_wait() {
+    const BURST: u64 = 5000;
+    let (broker, port) = stalled_broker();
+    let (_zeromq, mut publisher) = publisher(foreign(port, port));
+    introduce(&broker, &*publisher);
+    let reader = std::thread::spawn(move || {
+        for number in 0..BURST {
+            let text = number.to_string().into_bytes();
+            assert_eq!(broker.recv_multipart(0).unwrap(), [b"/a".to_vec(), text]);
+        }
+    });
+    for number in 0..BURST {
+        publisher.publish(&Payload::from(Value::from(number))).unwrap();
+    }
+    reader.join().unwrap();
+}
+
+#[test]
 fn what_a_stalled_broker_has_no_room_for_is_refused() {
     let (broker, port) = stalled_broker();
     let (_zeromq, mut publisher) = publisher(foreign(port, port));
