@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   bytes that wait, and of routes:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
-//!   the start:  large buffers mapped one by one ──▶ the first large message, or three seconds: kept for the next
+//!   large buffers:  mapped one by one ──▶ the first large message, or the end of the start: kept for the next
 //! ```
 //!
 //! glibc keeps what was freed in small pieces for what may come next: a hundred thousand subscriptions that one peer had
@@ -32,7 +32,7 @@ const START: Duration = Duration::from_secs(3);
 const LARGE: usize = 128 << 10;
 
 static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None, start: Start::Waits });
-static STARTS_SMALL: AtomicBool = AtomicBool::new(false);
+static KEEPS_LARGE: AtomicBool = AtomicBool::new(false);
 static ROUTES: AtomicUsize = AtomicUsize::new(0);
 
 /// Has every large buffer mapped alone and unmapped when it is freed, until the first large message waits or
@@ -43,23 +43,25 @@ static ROUTES: AtomicUsize = AtomicUsize::new(0);
 /// glibc stops doing so with the first that is freed. A start frees many that it takes for a moment, lists of network
 /// interfaces of 1 MiB each above all, whose pages would stay under what lives as long as the process.
 pub fn start_small() {
-    STARTS_SMALL.store(true, Ordering::Relaxed);
+    KEEPS_LARGE.store(false, Ordering::Relaxed);
     map_from(LARGE as libc::c_int, LARGE as libc::c_int);
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     set_heaps(libc::c_int::try_from(cores).unwrap_or(1));
 }
 
 /// Takes note of a message of `bytes` bytes that waits: where that is large, its buffers are kept for the next from now
-/// on. A page that is mapped anew for each message costs more than all that a route does with it.
+/// on. A page that is mapped anew for each message costs more than all that a route does with it. This goes for every
+/// program, of which glibc keeps no more than twice the largest buffer by itself: that is less than the text of a picture
+/// and its pixels, so that half the pages of each message would be new.
 pub(super) fn note_message(bytes: usize) {
-    if bytes >= LARGE && STARTS_SMALL.load(Ordering::Relaxed) {
+    if bytes >= LARGE {
         keep_large();
     }
 }
 
 /// Has large buffers come from the heaps, once.
 fn keep_large() {
-    if STARTS_SMALL.swap(false, Ordering::Relaxed) {
+    if !KEEPS_LARGE.load(Ordering::Relaxed) && !KEEPS_LARGE.swap(true, Ordering::Relaxed) {
         // The most that glibc would come to by itself: a picture in the heap costs no page fault a page.
         map_from(32 << 20, 16 << 20);
     }
