@@ -1,4 +1,4 @@
-//! Codecs against their bound, in one thread of this process, measured by criterion.
+//! Codecs against their bound, in one thread of this process, measured by criterion; `native` and `typed` by turns.
 //!
 //! | group | holds |
 //! | --- | --- |
@@ -10,10 +10,13 @@
 //! | `registered` | a registered method, beside the method itself and beside raw endpoints |
 //! | `typed` | generated structs from one node of ROS 2 to another, beside the endpoints with the same bytes and coding alone |
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result};
 use base64_simd::{AsOut as _, STANDARD};
@@ -38,12 +41,23 @@ use wrapyfi_zeromq::codec as frames;
 use crate::payload::{self, Kind, Maker, compress, decode_frames, decompress};
 use crate::python::Python;
 use crate::report::Limit::{AtLeast, AtMost, Shown};
-use crate::report::{Row, Target};
+use crate::report::{Row, Target, quantile};
 
-/// Estimates of criterion.
+/// Rounds of what is measured by turns, and the least time of one.
+const ROUNDS: usize = 21;
+const ROUND: Duration = Duration::from_millis(30);
+
+/// Estimates of criterion, and rounds of what is measured by turns.
 pub(crate) struct Micro {
     folder: PathBuf,
+    /// Nanoseconds of a call in each round, by `group/benchmark`.
+    turns: Turns,
 }
+
+type Turns = BTreeMap<String, Vec<f64>>;
+
+/// Something measured, by the name that it has in its group.
+type Call<'c> = (String, Box<dyn FnMut() -> Result<()> + 'c>);
 
 /// A median and its interval of 95 %, in nanoseconds.
 #[derive(serde::Deserialize)]
@@ -105,13 +119,14 @@ impl Micro {
         if let Some(only) = only {
             criterion = criterion.with_filter(only);
         }
-        native(&mut criterion)?;
+        let mut turns = Turns::default();
+        native(&mut criterion, &mut turns, only)?;
         payloads(&mut criterion)?;
         ros1(&mut criterion)?;
         dynamic(&mut criterion)?;
         registered(&mut criterion)?;
-        typed(&mut criterion)?;
-        Ok(Self { folder: folder.to_owned() })
+        typed(&mut turns, only)?;
+        Ok(Self { folder: folder.to_owned(), turns })
     }
 
     fn median(&self, name: &str) -> Option<Median> {
@@ -122,10 +137,13 @@ impl Micro {
 
     /// Median of `group/benchmark` in microseconds; NaN where it was not measured.
     pub(crate) fn us(&self, name: &str) -> f64 {
+        if let Some(rounds) = self.turns.get(name) {
+            return quantile(rounds, 0.5) / 1e3;
+        }
         self.median(name).map_or(f64::NAN, |median| median.point_estimate / 1e3)
     }
 
-    /// One figure over the sum of others.
+    /// One figure over the sum of others, in each round where they were measured by turns.
     fn ratio(
         &self,
         area: &'static str,
@@ -134,11 +152,21 @@ impl Micro {
         ours: &str,
         bounds: &[&str],
     ) -> Option<Target> {
+        let limit = if limit.is_nan() { Shown } else { AtMost(limit) };
+        if let Some(ours) = self.turns.get(ours) {
+            let others = bounds.iter().map(|bound| self.turns.get(*bound));
+            let others: Vec<_> = others.collect::<Option<_>>()?;
+            let sum = |round: usize| -> f64 { others.iter().filter_map(|it| it.get(round)).sum() };
+            let sums: Vec<f64> = (0..ours.len()).map(sum).collect();
+            let ratios: Vec<f64> = ours.iter().zip(&sums).map(|(one, sum)| one / sum).collect();
+            let [one, other] = [ours, &sums].map(|rounds| quantile(rounds, 0.5) / 1e3);
+            let parts = format!("{one:.2} / {other:.2} us");
+            return Some(Target::of(Row::new(area, "ratio", what), limit, &ratios, parts));
+        }
         let other: Median = bounds.iter().map(|bound| self.median(bound)).sum::<Option<_>>()?;
         let one = self.median(ours)?;
         let (low, high) = (&one.confidence_interval, &other.confidence_interval);
         let interval = (low.lower_bound / high.upper_bound, low.upper_bound / high.lower_bound);
-        let limit = if limit.is_nan() { Shown } else { AtMost(limit) };
         let parts =
             format!("{:.2} / {:.2} us", one.point_estimate / 1e3, other.point_estimate / 1e3);
         Some(Target::between(
@@ -268,8 +296,43 @@ fn time<T>(
     group.bench_function(name.into(), |it| it.iter(&mut run));
 }
 
+/// Measures `calls` by turns where `only` names one of them: a drift of the machine meets all alike, and their ratio is
+/// known more closely than from one after the other.
+fn by_turns(
+    turns: &mut Turns,
+    only: Option<&str>,
+    group: &str,
+    mut calls: Vec<Call<'_>>,
+) -> Result<()> {
+    for (name, _) in &mut calls {
+        *name = format!("{group}/{name}");
+    }
+    if only.is_some_and(|only| !calls.iter().any(|(name, _)| name.contains(only))) {
+        return Ok(());
+    }
+    for _ in 0..ROUNDS {
+        for (name, call) in &mut calls {
+            // What the one before it left in the caches is no part of it.
+            call()?;
+            let (begin, mut count) = (Instant::now(), 0_u32);
+            while begin.elapsed() < ROUND {
+                call()?;
+                count += 1;
+            }
+            let ns = begin.elapsed().as_nanos() as f64 / f64::from(count);
+            turns.entry(name.clone()).or_default().push(ns);
+        }
+    }
+    Ok(())
+}
+
+/// A call for [`by_turns`], whose result is dropped.
+fn call<'c, T>(name: impl Into<String>, mut run: impl FnMut() -> Result<T> + 'c) -> Call<'c> {
+    (name.into(), Box::new(move || run().map(|found| drop(black_box(found)))))
+}
+
 /// Our coder and base64 alone on one and the same text.
-fn native(criterion: &mut Criterion) -> Result<()> {
+fn native(criterion: &mut Criterion, turns: &mut Turns, only: Option<&str>) -> Result<()> {
     let Payload::NativeObject(object) = Maker::new(Kind::F32Mib)?.payload(1) else {
         anyhow::bail!("a dict is no native object");
     };
@@ -281,15 +344,18 @@ fn native(criterion: &mut Criterion) -> Result<()> {
     let file = STANDARD.decode_to_vec(base64)?;
     anyhow::ensure!(file.len() > 1 << 20, "the array file has {} bytes only", file.len());
     let mut buffer = file.clone();
-    let mut group = criterion.benchmark_group("native");
-    // Into memory that is there already: a bound has nothing to allocate.
-    time(&mut group, "base64 decode", || {
-        STANDARD.decode(black_box(base64), buffer.as_out()).map(|out| out.len())
-    });
-    time(&mut group, "decode", || json::decode(black_box(&text), &limits, &plugins));
-    time(&mut group, "base64 encode", || STANDARD.encode_type::<Vec<u8>>(black_box(&file)));
-    time(&mut group, "encode", || json::encode(black_box(&value), &plugins));
-    group.finish();
+    let decoded = |_| anyhow::anyhow!("no base64");
+    let calls = vec![
+        // Into memory that is there already: a bound has nothing to allocate.
+        call("base64 decode", || {
+            let out = STANDARD.decode(black_box(base64), buffer.as_out());
+            Ok(out.map_err(decoded)?.len())
+        }),
+        call("decode", || Ok(json::decode(black_box(&text), &limits, &plugins)?)),
+        call("base64 encode", || Ok(STANDARD.encode_type::<Vec<u8>>(black_box(&file)))),
+        call("encode", || Ok(json::encode(black_box(&value), &plugins)?)),
+    ];
+    by_turns(turns, only, "native", calls)?;
     let mut group = criterion.benchmark_group("base64");
     for (name, pixels) in [("vga-rgb", 640 * 480), ("full-hd-rgb", 1920 * 1080)] {
         // With the 128 bytes of the array's header, as Wrapyfi sends them.
@@ -490,7 +556,7 @@ fn registered(criterion: &mut Criterion) -> Result<()> {
 }
 
 /// From one node of ROS 2 to another in this process, and until it is there.
-fn typed(criterion: &mut Criterion) -> Result<()> {
+fn typed(turns: &mut Turns, only: Option<&str>) -> Result<()> {
     let names = (0..12).map(|joint| format!("left_arm_joint_{joint}")).collect();
     let [position, velocity] = [0.5, -0.25].map(|it| vec![it; 12]);
     let joints = JointState { name: names, position, velocity, ..JointState::default() };
@@ -505,21 +571,17 @@ fn typed(criterion: &mut Criterion) -> Result<()> {
         wrapyfi_core::ros2(name).with(with).start()
     };
     let nodes = [node("bench_talks")?, node("bench_listens")?];
-    let mut group = criterion.benchmark_group("typed");
     let [of_joints, of_vga, of_full_hd] = TYPED;
-    there(&mut group, of_joints, &nodes, &joints)?;
-    there(&mut group, of_vga, &nodes, &image(640, 480))?;
-    there(&mut group, of_full_hd, &nodes, &image(1920, 1080))?;
-    group.finish();
-    Ok(())
+    by_turns(turns, only, "typed", there(of_joints, &nodes, &joints)?)?;
+    by_turns(turns, only, "typed", there(of_vga, &nodes, &image(640, 480))?)?;
+    by_turns(turns, only, "typed", there(of_full_hd, &nodes, &image(1920, 1080))?)
 }
 
-fn there<M: Message>(
-    group: &mut BenchmarkGroup<'_, WallTime>,
+fn there<'c, M: Message>(
     name: &str,
-    [talks, listens]: &[wrapyfi_ros2::Ros2; 2],
-    message: &M,
-) -> Result<()> {
+    [talks, listens]: &'c [wrapyfi_ros2::Ros2; 2],
+    message: &'c M,
+) -> Result<Vec<Call<'c>>> {
     let spec = TopicSpec::new("/typed", MessageType::Ros(RosType::of::<M>()?));
     let context = endpoint::Context::default();
     let mut listener = listens.open_listener(&spec, &context)?;
@@ -527,7 +589,7 @@ fn there<M: Message>(
     while publisher.link().peers != Some(1) || listener.link().peers != Some(1) {
         _ = context.wake.wait(Duration::from_millis(10));
     }
-    let mut sent = |payload: &Payload| -> Result<Payload> {
+    let sent = move |payload: &Payload| -> Result<Payload> {
         publisher.publish(payload)?;
         loop {
             if let Some(sample) = listener.take()? {
@@ -537,19 +599,23 @@ fn there<M: Message>(
         }
     };
     let cdr = RosMessage::of(message)?.cdr.to_bytes();
-    time(group, format!("{name} coding"), || {
-        drop(black_box(black_box(message).encode()));
-        M::decode(black_box(&cdr), cdr.len())
-    });
     let raw = Payload::from(RosMessage::new(RosType::of::<M>()?, cdr.clone()));
-    time(group, format!("{name} raw"), || sent(black_box(&raw)));
-    time(group, name, || -> Result<M> {
-        let Payload::RosMessage(found) = sent(&RosMessage::of(black_box(message))?.into())? else {
-            anyhow::bail!("no message of ROS")
-        };
-        Ok(found.read()?)
-    });
-    Ok(())
+    let sent = Rc::new(RefCell::new(sent));
+    let raw_sent = Rc::clone(&sent);
+    Ok(vec![
+        call(format!("{name} coding"), move || {
+            drop(black_box(black_box(message).encode()));
+            Ok(M::decode(black_box(&cdr), cdr.len())?)
+        }),
+        call(format!("{name} raw"), move || (raw_sent.borrow_mut())(black_box(&raw))),
+        call(name, move || {
+            let payload = RosMessage::of(black_box(message))?.into();
+            let Payload::RosMessage(found) = (sent.borrow_mut())(&payload)? else {
+                anyhow::bail!("no message of ROS")
+            };
+            Ok(found.read::<M>()?)
+        }),
+    ])
 }
 
 #[cfg(test)]

@@ -218,7 +218,9 @@ impl Front {
         for id in ids {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             if peer.is_alive(now) {
-                self.dirty.insert(id);
+                if !peer.outbox.is_empty() {
+                    self.dirty.insert(id);
+                }
             } else if now.elapsed() < TURN {
                 self.leave(id, &"it does not answer");
             }
@@ -228,6 +230,11 @@ impl Front {
             self.unread.insert(PORT.0);
         }
         self.flush();
+    }
+
+    /// True where somebody is subscribed to `topic`.
+    pub(super) fn is_heard(&self, topic: &[u8]) -> bool {
+        !self.subscribers.of(topic).is_empty()
     }
 
     /// Queues a message for everybody who is subscribed to it and has room. `of` is its size as its publisher

@@ -91,15 +91,21 @@ impl Monitor {
         std::mem::take(&mut self.changed)
     }
 
-    /// The second frame of the counts, in Python's spelling of JSON; `None` when there is nothing
-    /// to tell.
-    pub(super) fn message(&mut self, now: Instant) -> Option<String> {
+    /// Takes out the topics that nobody has been subscribed to for a while; true when there were any.
+    pub(super) fn prune(&mut self, now: Instant) -> bool {
+        let before = self.topics.len();
         self.topics.retain(|topic, count| {
             let is_kept = count.subscriptions > 0
                 || now.saturating_duration_since(count.changed_at) < KEEP_ZERO;
             self.bytes -= if is_kept { 0 } else { topic.len() };
             is_kept
         });
+        self.topics.len() < before
+    }
+
+    /// The second frame of the counts, in Python's spelling of JSON; `None` when there is nothing
+    /// to tell.
+    pub(super) fn message(&self) -> Option<String> {
         self.own_topic.as_ref()?;
         let mut json = String::from("{");
         for (topic, count) in self.listed() {
@@ -131,12 +137,12 @@ mod tests {
     fn counts_are_written_as_wrapyfi_writes_them() {
         let now = Instant::now();
         let mut monitor = Monitor::new(Some(OWN));
-        assert_eq!(monitor.message(now), None);
+        assert_eq!(monitor.message(), None);
         assert!(monitor.subscribed(b"/cap/own", now));
-        assert_eq!(monitor.message(now).unwrap(), r#"{"/cap/own": 1}"#);
+        assert_eq!(monitor.message().unwrap(), r#"{"/cap/own": 1}"#);
         assert!(monitor.subscribed(b"/cap/own", now));
         assert!(monitor.subscribed("/\"\u{e9}".as_bytes(), now));
-        let json = monitor.message(now).unwrap();
+        let json = monitor.message().unwrap();
         let counts: serde_json::Value = serde_json::from_str(&json).unwrap();
         assert_eq!(counts, serde_json::json!({"/cap/own": 2, "/\"\u{e9}": 1}));
     }
@@ -148,12 +154,13 @@ mod tests {
         monitor.subscribed(b"/a", now);
         monitor.subscribed(b"/a", now);
         monitor.unsubscribed(b"/a", now);
-        assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 1}"#);
+        assert_eq!(monitor.message().unwrap(), r#"{"/a": 1}"#);
         monitor.unsubscribed(b"/a", now);
-        assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 0}"#);
+        assert_eq!(monitor.message().unwrap(), r#"{"/a": 0}"#);
         monitor.subscribed(b"/a", now);
         monitor.unsubscribed(b"/a", now);
-        assert_eq!(monitor.message(now + KEEP_ZERO), None);
+        assert!(monitor.prune(now + KEEP_ZERO));
+        assert_eq!(monitor.message(), None);
     }
 
     #[test]
@@ -163,7 +170,7 @@ mod tests {
         assert!(!monitor.subscribed(OWN.as_bytes(), now));
         assert!(monitor.take_changed(), "the new listener gets the counts at once");
         assert!(!monitor.take_changed());
-        assert_eq!(monitor.message(now), None);
+        assert_eq!(monitor.message(), None);
         assert!(monitor.is_forged(b"ZEROMQ/CONNECTIONS2"));
         assert!(!monitor.is_forged(b"/a"));
     }
@@ -181,7 +188,8 @@ mod tests {
         for name in &names {
             monitor.unsubscribed(name.as_bytes(), now);
         }
-        assert_eq!(monitor.message(now + KEEP_ZERO), None);
+        assert!(monitor.prune(now + KEEP_ZERO));
+        assert_eq!(monitor.message(), None);
         assert_eq!(monitor.bytes, 0);
     }
 
@@ -191,7 +199,7 @@ mod tests {
         let mut monitor = Monitor::new(Some(OWN));
         assert!(monitor.subscribed(&[0xff], now));
         assert!(monitor.subscribed(b"", now));
-        assert_eq!(monitor.message(now), None);
+        assert_eq!(monitor.message(), None);
         assert!(monitor.unsubscribed(&[0xff], now));
     }
 }

@@ -92,7 +92,7 @@ pub fn counts_after<'t>(
             monitor.unsubscribed(topic, now);
         }
     }
-    monitor.message(now)
+    monitor.message()
 }
 
 /// A connection that says so many bytes at a time, and takes all that is said to it.

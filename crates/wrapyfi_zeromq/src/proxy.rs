@@ -159,18 +159,25 @@ impl Proxy {
         }
     }
 
-    /// Publishes the counts and shows them to [`super::Broker::status`].
+    /// Publishes the counts and shows them to [`super::Broker::status`]. At rest, with a thousand topics, that is most of
+    /// what a broker does: so nothing is put into words that nobody hears, nor shown again unchanged.
     fn tell(&mut self, now: Instant) {
-        let message = self.monitor.message(now);
-        let counts = self.monitor.listed().map(|(topic, count)| (topic.to_owned(), count));
-        let (subscriptions, TrafficTable { topics, unlisted }) =
-            (counts.collect(), self.traffic.table());
-        let mut status = self.status.lock();
-        (status.subscriptions, status.topics, status.unlisted) = (subscriptions, topics, unlisted);
-        drop(status);
+        if self.monitor.prune(now) || self.is_untold {
+            let counts = self.monitor.listed().map(|(topic, count)| (topic.to_owned(), count));
+            let counts = counts.collect();
+            self.status.lock().subscriptions = counts;
+        }
+        if self.traffic.take_changed() {
+            let TrafficTable { topics, unlisted } = self.traffic.table();
+            let mut status = self.status.lock();
+            (status.topics, status.unlisted) = (topics, unlisted);
+        }
         self.tell_traffic();
-        if let (Some(json), Some(topic)) = (message, &self.monitor.own_topic) {
-            self.ports.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
+        if let Some(topic) = self.monitor.own_topic.clone()
+            && self.ports.front.is_heard(&topic)
+            && let Some(json) = self.monitor.message()
+        {
+            self.ports.front.publish(vec![topic.into(), json.into()], None);
         }
         self.ports.front.flush();
     }

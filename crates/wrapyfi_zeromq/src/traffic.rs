@@ -72,6 +72,7 @@ pub(super) struct Traffic {
     unlisted: u64,
     /// Number of those who are subscribed to the table.
     pub(super) watchers: u64,
+    changed: bool,
 }
 
 impl Traffic {
@@ -92,6 +93,7 @@ impl Traffic {
 
     /// Counts of a topic; `None` where it finds no room.
     fn seen(&mut self, topic: &[u8]) -> Option<&mut Seen> {
+        self.changed = true;
         if !self.topics.contains_key(topic) {
             if self.topics.len() >= MAX_TOPICS || topic.len() > MAX_TOPIC_BYTES {
                 self.unlisted += 1;
@@ -100,6 +102,11 @@ impl Traffic {
             self.topics.insert(topic.to_vec(), Seen::default());
         }
         self.topics.get_mut(topic)
+    }
+
+    /// True once after messages.
+    pub(super) fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
     }
 
     /// The second frame of the table; `None` while no program is subscribed to it.
