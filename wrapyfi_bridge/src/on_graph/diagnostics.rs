@@ -7,7 +7,7 @@
 //! | ERROR | error | |
 //! | STALE | active, and nothing has come for [`STALE_AFTER`], though something did before | |
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::Stamp;
@@ -36,13 +36,18 @@ impl Diagnostics {
 
     /// Notes which routes have received something since the last look.
     pub fn note(&mut self, routes: &[RouteStatus], at: Instant) {
-        let mut before = std::mem::take(&mut self.last);
-        let noted = routes.iter().map(|route| {
+        for route in routes {
             let received = route.counters.received;
-            let same = before.remove(&route.name).filter(|(count, _)| *count == received);
-            (route.name.clone(), same.unwrap_or((received, at)))
-        });
-        self.last = noted.collect();
+            match self.last.get_mut(&route.name) {
+                Some(last) if last.0 == received => {}
+                Some(last) => *last = (received, at),
+                None => _ = self.last.insert(route.name.clone(), (received, at)),
+            }
+        }
+        if self.last.len() > routes.len() {
+            let names: BTreeSet<&str> = routes.iter().map(|route| route.name.as_str()).collect();
+            self.last.retain(|name, _| names.contains(name.as_str()));
+        }
     }
 
     /// Diagnostics of the routes, and of the middlewares with the reason that they wait for something.
