@@ -117,7 +117,7 @@ impl Socket<Publication> {
     }
 
     /// Takes a message of `bytes` bytes for `audience`, and writes as much as there is room for; true where the broker
-    /// has said that our key may not publish the topic. Never waits.
+    /// has said that our key may not publish the topic. Never waits for the broker.
     ///
     /// # Errors
     /// Why there is no room for it.

@@ -124,17 +124,14 @@ impl<R: SocketRole> Socket<R> {
     ) -> T {
         let mut state = self.state.lock();
         while state.connection.is_crowded(hwm) {
-            let is_flushing = state.connection.is_flushing();
-            if !is_flushing {
+            if !state.connection.is_flushing() {
                 self.write(state);
-            } else {
-                drop(state);
-                drop(self.flush.lock());
-            }
-            state = self.state.lock();
-            if !is_flushing {
+                state = self.state.lock();
                 break;
             }
+            drop(state);
+            drop(self.flush.lock());
+            state = self.state.lock();
         }
         let SocketState { connection, role, burst } = &mut *state;
         let put = put(role, connection);
@@ -195,6 +192,8 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         let mut state = self.state.lock();
         let Some(stream) = state.connection.begin_flush(scratch) else {
             state.burst.is_asked = false;
+            // At the limit of open files there is no second descriptor: then it is written as any other.
+            self.write(state);
             return false;
         };
         drop(state);
