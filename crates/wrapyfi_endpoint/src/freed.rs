@@ -32,6 +32,7 @@ const START: Duration = Duration::from_secs(3);
 const LARGE: usize = 128 << 10;
 
 static LOOKS: Mutex<Looks> = Mutex::new(Looks { most: 0, less_since: None, start: Start::Waits });
+static STARTS_SMALL: AtomicBool = AtomicBool::new(false);
 static KEEPS_LARGE: AtomicBool = AtomicBool::new(false);
 static ROUTES: AtomicUsize = AtomicUsize::new(0);
 
@@ -43,6 +44,7 @@ static ROUTES: AtomicUsize = AtomicUsize::new(0);
 /// glibc stops doing so with the first that is freed. A start frees many that it takes for a moment, lists of network
 /// interfaces of 1 MiB each above all, whose pages would stay under what lives as long as the process.
 pub fn start_small() {
+    STARTS_SMALL.store(true, Ordering::Relaxed);
     KEEPS_LARGE.store(false, Ordering::Relaxed);
     map_from(LARGE as libc::c_int, LARGE as libc::c_int);
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -51,8 +53,8 @@ pub fn start_small() {
 
 /// Takes note of a message of `bytes` bytes that waits: where that is large, its buffers are kept for the next from now
 /// on. A page that is mapped anew for each message costs more than all that a route does with it. This goes for every
-/// program, of which glibc keeps no more than twice the largest buffer by itself: that is less than the text of a picture
-/// and its pixels, so that half the pages of each message would be new.
+/// program: glibc by itself gives the free end of a heap back once it has twice the size of the largest buffer, so that up to
+/// half the pages of each picture were new.
 pub(super) fn note_message(bytes: usize) {
     if bytes >= LARGE {
         keep_large();
@@ -77,7 +79,8 @@ pub fn note_routes(count: usize) {
 pub fn give_memory_back(now: Instant) {
     let Some(mut looks) = LOOKS.try_lock() else { return };
     let started = looks.start.is_over(now);
-    if started {
+    // A program that has not asked for it keeps glibc's own rule until it has a large message.
+    if started && STARTS_SMALL.load(Ordering::Relaxed) {
         keep_large();
     }
     let used = WAITING.used() + ROUTES.load(Ordering::Relaxed) * OF_ROUTE;

@@ -31,8 +31,8 @@ use wrapyfi_endpoint::{DropReason, Throttle};
 /// Shortest time between two looks at a connection to which nothing happens.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// Messages of a burst that wait for the I/O thread, before whoever has another writes by himself.
-const BURST_MESSAGES: usize = 256;
+/// Messages of a burst that wait for the I/O thread, beyond which the owner of the next one writes them itself.
+const BURST_MESSAGES: usize = 64;
 /// Bytes of a burst that are sent with one call.
 const BURST_BYTES: usize = 64 * 1024;
 
@@ -259,7 +259,7 @@ impl Connection {
         IoProgress { more, timeout, over: false }
     }
 
-    /// Writes as much of what waits as there is room for; false where the connection has ended by it.
+    /// Writes as much of what waits as there is room for, and nothing while the I/O thread writes; false where the connection has ended by it.
     pub(super) fn write(
         &mut self,
         role: &mut impl SocketRole,
@@ -356,6 +356,13 @@ impl Connection {
         self.peer().is_some_and(|peer| peer.outbox.len() > most)
     }
 
+    /// Closes the second descriptor where no thread uses it.
+    pub(super) fn close_second(&mut self) {
+        if !self.is_lent && !self.is_flushing {
+            self.stream = None;
+        }
+    }
+
     /// True while the I/O thread writes without the socket's lock.
     pub(super) fn is_flushing(&self) -> bool {
         self.is_flushing
@@ -367,7 +374,7 @@ impl Connection {
     }
 
     /// Copies into `bytes` what waits, for the I/O thread to write without the socket's lock into the connection that is
-    /// returned; `None` where nothing waits, or there is no room for it. [`Self::end_flush`] has to follow.
+    /// returned; `None` where nothing waits, or there is no room or no descriptor for it. [`Self::end_flush`] has to follow.
     pub(super) fn begin_flush(&mut self, bytes: &mut Vec<u8>) -> Option<Arc<TcpStream>> {
         let Way::Up(peer) = &mut self.way else { return None };
         if !peer.is_open() || peer.is_blocked || peer.outbox.is_empty() {

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The thread knows each of these as an [`IoEndpoint`]. Publishing itself happens on the caller's thread, as far as the
-//! connection takes it, and a thread that waits for a message reads by itself: see `Socket`.
+//! connection takes it and but for bursts, and a thread that waits for a message reads by itself: see `Socket`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -123,7 +123,7 @@ pub(super) trait IoEndpoint: Send {
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress;
 
     /// Sends some of a burst of messages, through `scratch`; true when more may wait.
-    fn flush(&mut self, scratch: &mut Vec<u8>, registry: &Registry) -> bool;
+    fn flush(&mut self, scratch: &mut Vec<u8>) -> bool;
 
     /// Has the socket end: a look that follows tells when it is over.
     fn close(&mut self, now: Instant);
@@ -300,11 +300,16 @@ impl Worker {
 
     /// Sends for each burst what has come by now.
     fn flush(&mut self) {
-        let (bursts, scratch) = &mut self.bursts;
+        let (mut bursts, mut scratch) = std::mem::take(&mut self.bursts);
         bursts.retain(|id| {
-            let end = self.ends.get_mut(id);
-            end.is_some_and(|end| end.flush(scratch, self.poll.registry()))
+            let Some(end) = self.ends.get_mut(id) else { return false };
+            let flush = catch_unwind(AssertUnwindSafe(|| end.flush(&mut scratch)));
+            flush.unwrap_or_else(|_| {
+                self.fault(Instant::now());
+                true
+            })
         });
+        self.bursts = (bursts, scratch);
     }
 
     /// Says that an endpoint panicked, which is looked at again after a pause.

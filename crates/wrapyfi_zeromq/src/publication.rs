@@ -23,8 +23,8 @@ use super::shared::ZeroMqState;
 use super::socket::Socket;
 use wrapyfi_endpoint::{Context, DropReason};
 
-/// Bytes up to which a message of a burst costs less where it is sent with others than by itself.
-const SMALL_BYTES: usize = 4096;
+/// Bytes up to which a message of a burst is left to the I/O thread: 64 of them together are little among what may wait.
+const SMALL_BYTES: usize = 1024;
 
 /// A publisher of one topic.
 pub(super) struct Publication {
@@ -116,8 +116,8 @@ impl Socket<Publication> {
         })
     }
 
-    /// Takes a message of `bytes` bytes for `audience`, and writes as much as there is room for; true where the broker
-    /// has said that our key may not publish the topic. Never waits for the broker.
+    /// Takes a message of `bytes` bytes for `audience`, which goes out at once where there is room, or with others of a
+    /// burst; true where the broker has said that our key may not publish the topic. Never waits for the broker.
     ///
     /// # Errors
     /// Why there is no room for it.

@@ -10,8 +10,9 @@
 //! ```
 //!
 //! A call of the system for each small message would be most of what it costs. So the messages of a burst are left to
-//! the I/O thread, which sends with one call what has come while the call before it ran. A message for itself is written
-//! by its owner: to wake a thread would take longer.
+//! the I/O thread, which sends with one call what has come while the call before it ran. A message on its own is
+//! written by its owner: to wake a thread would take longer. What a program has published in a burst
+//! at the moment of its `kill -9`, 64 messages at most, may be lost with it.
 
 use std::io::Write as _;
 use std::os::fd::AsFd;
@@ -45,10 +46,12 @@ struct SocketState<R> {
 
 /// Mean time between two messages below which they are a burst.
 const BURST_GAP: Duration = Duration::from_micros(20);
-/// Longest gap as it counts in the mean: a burst is over after two of them.
+/// Longest gap as it counts in the mean: one of them ends a burst.
 const LONG_GAP: Duration = Duration::from_micros(200);
 /// Gaps of which the mean is taken, about.
 const GAPS: u32 = 8;
+/// Time after which the connection's second descriptor is closed, since a burst that is over needs none.
+const BURST_OVER: Duration = Duration::from_secs(1);
 
 /// Mean time between the messages that an owner sends.
 struct Burst {
@@ -71,6 +74,17 @@ impl Burst {
         let gap = last.map_or(LONG_GAP, |last| now.saturating_duration_since(last));
         self.gap = (self.gap * (GAPS - 1) + gap.min(LONG_GAP)) / GAPS;
         self.gap < BURST_GAP
+    }
+
+    /// True once, some time after a burst or a message on its own.
+    fn is_over(&mut self, now: Instant) -> bool {
+        let is_long_ago =
+            |last: Instant| now.saturating_duration_since(last) >= BURST_OVER && !self.is_asked;
+        let is_over = self.last.is_some_and(is_long_ago);
+        if is_over {
+            self.last = None;
+        }
+        is_over
     }
 }
 
@@ -106,9 +120,10 @@ impl<R: SocketRole> Socket<R> {
         what(role, connection)
     }
 
-    /// Has the role take what `put` gives it, and writes as much as there is room for. Never waits.
+    /// Has the role take what `put` gives it, and writes as much as there is room for. Never waits for the broker, at most
+    /// for a call of the I/O thread that sends some of a burst.
     pub(super) fn send<T>(&self, put: impl FnOnce(&mut R, &mut Connection) -> T) -> T {
-        let mut state = self.state.lock();
+        let mut state = self.settled();
         let SocketState { connection, role, .. } = &mut *state;
         let put = put(role, connection);
         self.write(state);
@@ -123,14 +138,9 @@ impl<R: SocketRole> Socket<R> {
         put: impl FnOnce(&mut R, &mut Connection) -> T,
     ) -> T {
         let mut state = self.state.lock();
-        while state.connection.is_crowded(hwm) {
-            if !state.connection.is_flushing() {
-                self.write(state);
-                state = self.state.lock();
-                break;
-            }
+        if state.connection.is_crowded(hwm) {
             drop(state);
-            drop(self.flush.lock());
+            self.write(self.settled());
             state = self.state.lock();
         }
         let SocketState { connection, role, burst } = &mut *state;
@@ -148,6 +158,17 @@ impl<R: SocketRole> Socket<R> {
             self.io.send(Command::Flush(self.id));
         }
         put
+    }
+
+    /// The state while the I/O thread does not write without the lock.
+    fn settled(&self) -> MutexGuard<'_, SocketState<R>> {
+        let mut state = self.state.lock();
+        while state.connection.is_flushing() {
+            drop(state);
+            drop(self.flush.lock());
+            state = self.state.lock();
+        }
+        state
     }
 
     /// Writes as much of what waits as there is room for.
@@ -178,7 +199,10 @@ impl<R: SocketRole> Socket<R> {
 impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress {
         let mut state = self.state.lock();
-        let SocketState { connection, role, .. } = &mut *state;
+        let SocketState { connection, role, burst } = &mut *state;
+        if burst.is_over(now) {
+            connection.close_second();
+        }
         let before = (role.seen(connection), connection.link.state());
         let progress = connection.turn(role, now, registry, faults);
         let has_changed = before != (role.seen(connection), connection.link.state());
@@ -187,21 +211,22 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         progress
     }
 
-    fn flush(&mut self, scratch: &mut Vec<u8>, _registry: &Registry) -> bool {
-        let _flush = self.flush.lock();
+    fn flush(&mut self, scratch: &mut Vec<u8>) -> bool {
+        let flush = self.flush.lock();
         let mut state = self.state.lock();
         let Some(stream) = state.connection.begin_flush(scratch) else {
             state.burst.is_asked = false;
+            drop(flush);
             // At the limit of open files there is no second descriptor: then it is written as any other.
             self.write(state);
             return false;
         };
         drop(state);
-        let written = (&*stream).write(scratch);
+        let count = (&*stream).write(scratch).unwrap_or(0);
         let mut state = self.state.lock();
-        let count = written.unwrap_or(0);
         let has_more = state.connection.end_flush(count);
         state.burst.is_asked = has_more;
+        drop(flush);
         if count < scratch.len() {
             // The connection has no room or has ended: the next call tells.
             self.write(state);
