@@ -530,9 +530,7 @@ fn messages_over_the_limit_of_the_broker_are_counted_at_their_listeners_one_by_o
     let publisher = peer(&context, zmq::XPUB, zeromq.sub_port());
     assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01/a");
     // The first of two listeners is all that a publisher is told of.
-    until("both listeners", || {
-        zeromq.broker_status().unwrap().subscriptions.get("/a") == Some(&2)
-    });
+    until("both listeners", || zeromq.broker_status().unwrap().subscriptions.get("/a") == Some(&2));
     // Above the limit of the topic, of the broker, and far above it, in one frame and in several.
     for size in [3000, limit, 3 * limit, 5 * limit] {
         publisher.send_multipart([b"/a", &vec![b'1'; size][..]], 0).unwrap();
