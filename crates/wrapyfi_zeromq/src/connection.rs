@@ -259,7 +259,8 @@ impl Connection {
         IoProgress { more, timeout, over: false }
     }
 
-    /// Writes as much of what waits as there is room for, and nothing while the I/O thread writes; false where the connection has ended by it.
+    /// Writes as much of what waits as there is room for, and nothing while the I/O thread writes; false where the
+    /// connection has ended by it.
     pub(super) fn write(
         &mut self,
         role: &mut impl SocketRole,
