@@ -97,10 +97,17 @@ impl<M: Waits> Outbox<M> {
 
     /// Takes the first message out.
     pub fn pop(&mut self) -> Option<M> {
-        let first = self.waiting.pop_front()?;
+        let first = self.remove()?;
         self.share.give(first.bytes());
+        self.moved_at = Some(Instant::now());
+        Some(first)
+    }
+
+    /// Takes the first message out, whose bytes are still to be given back.
+    fn remove(&mut self) -> Option<M> {
+        let first = self.waiting.pop_front()?;
         (self.has_begun, self.written) = (false, 0);
-        (self.messages, self.moved_at) = (self.messages + 1, Some(Instant::now()));
+        self.messages += 1;
         Some(first)
     }
 
@@ -142,6 +149,11 @@ impl<M: Waits> Outbox<M> {
         !self.waiting.is_empty() && quiet.is_some_and(|quiet| quiet >= PROGRESS)
     }
 
+    /// Number of bytes of the first message that are written.
+    pub fn written(&self) -> usize {
+        self.written
+    }
+
     /// Number of messages and of bytes that were ever written.
     pub fn sent(&self) -> (u64, u64) {
         (self.messages, self.bytes)
@@ -173,26 +185,33 @@ impl<M: Pieces> Outbox<M> {
             }
             match write(slices.get(..count).unwrap_or_default()) {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(bytes) => {
-                    self.written += bytes;
-                    self.bytes += bytes as u64;
-                }
+                Ok(bytes) => self.note_written(bytes, &mut sent),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
             }
-            let mut left = self.written;
-            while let Some(first) = self.waiting.front()
-                && let Some(rest) = left.checked_sub(first.pieces().map(<[u8]>::len).sum())
-            {
-                sent(first);
-                _ = self.pop();
-                left = rest;
-            }
-            (self.written, self.has_begun) = (left, left > 0);
-            self.moved_at = Some(Instant::now());
         }
         Ok(true)
+    }
+
+    /// Takes note that the next `count` bytes of what waits are written. `sent` is given each message that is written whole.
+    pub fn note_written(&mut self, count: usize, mut sent: impl FnMut(&M)) {
+        if count == 0 {
+            return;
+        }
+        self.bytes += count as u64;
+        let (mut left, mut bytes) = (self.written + count, 0);
+        while let Some(first) = self.waiting.front()
+            && let Some(rest) = left.checked_sub(first.pieces().map(<[u8]>::len).sum())
+        {
+            sent(first);
+            bytes += first.bytes();
+            _ = self.remove();
+            left = rest;
+        }
+        self.share.give(bytes);
+        (self.written, self.has_begun) = (left, left > 0);
+        self.moved_at = Some(Instant::now());
     }
 }
 

@@ -23,6 +23,7 @@ use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::io::{IoProgress, token};
 use super::link::{self, BrokerLink};
+use super::message::Batch;
 use super::options;
 use super::peer::Peer;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -33,8 +34,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// Messages of a burst that wait for the I/O thread, beyond which the owner of the next one writes them itself.
 const BURST_MESSAGES: usize = 64;
-/// Bytes of a burst that are sent with one call.
-const BURST_BYTES: usize = 64 * 1024;
 
 /// Bytes read at once.
 const READ_BYTES: usize = 16 * 1024;
@@ -374,18 +373,18 @@ impl Connection {
         self.peer().is_some_and(|peer| peer.is_blocked)
     }
 
-    /// Copies into `bytes` what waits, for the I/O thread to write without the socket's lock into the connection that is
-    /// returned; `None` where nothing waits, or there is no room or no descriptor for it. [`Self::end_flush`] has to follow.
-    pub(super) fn begin_flush(&mut self, bytes: &mut Vec<u8>) -> Option<Arc<TcpStream>> {
+    /// Takes into `batch` what waits, for the I/O thread to write without the socket's lock into the connection that is
+    /// returned, with the number of bytes of it that are written already; `None` where nothing waits, or there is no room or no
+    /// descriptor for it. [`Self::end_flush`] has to follow.
+    pub(super) fn begin_flush(&mut self, batch: &mut Batch) -> Option<(Arc<TcpStream>, usize)> {
         let Way::Up(peer) = &mut self.way else { return None };
         if !peer.is_open() || peer.is_blocked || peer.outbox.is_empty() {
             return None;
         }
         let stream = second(&mut self.stream, peer)?;
-        bytes.clear();
-        peer.copy_waiting(bytes, BURST_BYTES);
+        batch.take(&peer.outbox);
         self.is_flushing = true;
-        Some(stream)
+        Some((stream, peer.outbox.written()))
     }
 
     /// Takes note of the first `count` bytes, which were written; true where more waits.

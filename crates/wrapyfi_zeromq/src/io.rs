@@ -23,6 +23,7 @@ use std::time::{Duration, Instant};
 
 use mio::{Events, Poll, Registry, Token, Waker};
 
+use super::message::Batch;
 use super::options;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
@@ -41,6 +42,9 @@ pub(super) enum Command {
 const COMMANDS: Token = Token(usize::MAX);
 /// Events taken at once.
 const EVENTS: usize = 256;
+
+/// Calls for one burst before the others have their turn.
+const BATCHES: usize = 4;
 
 /// Access of the endpoints to the I/O thread, which they may outlive.
 pub(super) struct Handle {
@@ -122,8 +126,8 @@ pub(super) trait IoEndpoint: Send {
     /// Handles what happened to the socket, without waiting.
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress;
 
-    /// Sends some of a burst of messages, through `scratch`; true when more may wait.
-    fn flush(&mut self, scratch: &mut Vec<u8>) -> bool;
+    /// Sends some of a burst of messages, through an empty `batch`; true when more may wait.
+    fn flush(&mut self, batch: &mut Batch) -> bool;
 
     /// Has the socket end: a look that follows tells when it is over.
     fn close(&mut self, now: Instant);
@@ -181,7 +185,7 @@ struct Worker {
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
     /// Endpoints that have a burst of messages to send, and what is sent of it at once.
-    bursts: (BTreeSet<u64>, Vec<u8>),
+    bursts: (BTreeSet<u64>, Batch),
     timed: Timed,
     faults: Throttle,
     /// Pauses of an endpoint that did something wrong, all of them short.
@@ -300,16 +304,17 @@ impl Worker {
 
     /// Sends for each burst what has come by now.
     fn flush(&mut self) {
-        let (mut bursts, mut scratch) = std::mem::take(&mut self.bursts);
+        let (mut bursts, mut batch) = std::mem::take(&mut self.bursts);
         bursts.retain(|id| {
             let Some(end) = self.ends.get_mut(id) else { return false };
-            let flush = catch_unwind(AssertUnwindSafe(|| end.flush(&mut scratch)));
-            flush.unwrap_or_else(|_| {
+            let flush = || (0..BATCHES).all(|_| end.flush(&mut batch));
+            catch_unwind(AssertUnwindSafe(flush)).unwrap_or_else(|_| {
                 self.fault(Instant::now());
+                batch.clear();
                 true
             })
         });
-        self.bursts = (bursts, scratch);
+        self.bursts = (bursts, batch);
     }
 
     /// Says that an endpoint panicked, which is looked at again after a pause.

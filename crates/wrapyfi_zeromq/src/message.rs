@@ -8,7 +8,12 @@ use bytes::Bytes;
 
 use super::own_messages::Fingerprint;
 use super::zmtp;
-use wrapyfi_endpoint::{DropReason, Pieces, Waits};
+use wrapyfi_endpoint::{DropReason, Outbox, Pieces, Waits};
+
+/// Messages that are written with one call at most.
+const BATCH_MESSAGES: usize = 64;
+/// Bytes that are written with one call at most.
+const BATCH_BYTES: usize = 64 * 1024;
 
 /// A message, which exists once however many peers it waits for.
 #[derive(Debug)]
@@ -26,7 +31,7 @@ pub(super) struct Message {
 }
 
 /// A message, or bytes of a handshake, that waits for one peer.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) enum Outgoing {
     /// Bytes of the handshake or a command, which are few and do not count as waiting.
     Word(Bytes),
@@ -64,6 +69,38 @@ impl Pieces for Outgoing {
     }
 }
 
+/// Messages of a burst that are written with one call.
+#[derive(Default)]
+pub(super) struct Batch {
+    messages: Vec<Outgoing>,
+    bytes: Vec<u8>,
+}
+
+impl Batch {
+    /// Takes the first messages that wait, which stay in the queue until they are written.
+    pub(super) fn take(&mut self, outbox: &Outbox<Outgoing>) {
+        self.messages.extend(outbox.iter().take(BATCH_MESSAGES).cloned());
+    }
+
+    /// Bytes to write, of which `written` are written already; the largest messages are cut.
+    pub(super) fn bytes(&mut self, written: usize) -> &[u8] {
+        self.bytes.clear();
+        let mut skip = written;
+        for piece in self.messages.iter().flat_map(Outgoing::pieces) {
+            let rest = piece.get(skip..).unwrap_or_default();
+            skip = skip.saturating_sub(piece.len());
+            let room = BATCH_BYTES.saturating_sub(self.bytes.len());
+            self.bytes.extend_from_slice(rest.get(..room).unwrap_or(rest));
+        }
+        &self.bytes
+    }
+
+    /// Lets go of the messages, whose memory is given back here where they are written.
+    pub(super) fn clear(&mut self) {
+        self.messages.clear();
+    }
+}
+
 /// A message that a listener did not get.
 #[derive(Debug, Clone)]
 pub(super) struct Loss {
@@ -75,13 +112,16 @@ pub(super) struct Loss {
 
 impl Message {
     /// A message of a publisher, with its topic and size, for connections that all have CURVE or none.
-    pub(super) fn new(
-        frames: Vec<Bytes>,
+    pub(super) fn new<F: AsRef<[u8]> + Into<Bytes>>(
+        frames: Vec<F>,
         is_sealed: bool,
         of: Option<(Bytes, usize)>,
         print: Option<Fingerprint>,
     ) -> Arc<Self> {
-        let parts = if is_sealed { frames } else { zmtp::encode(frames) };
+        let parts = match is_sealed {
+            true => frames.into_iter().map(F::into).collect(),
+            false => zmtp::encode(frames),
+        };
         let bytes = parts.iter().map(Bytes::len).sum();
         Arc::new(Self { parts, bytes, of, print, missed: AtomicBool::new(false) })
     }

@@ -7,7 +7,7 @@
 //! ```
 
 use std::collections::BTreeSet;
-use std::io::{ErrorKind, IoSlice, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -228,26 +228,10 @@ impl<S: Read + Write> Peer<S> {
         Ok(())
     }
 
-    /// Appends to `bytes` what waits to be written, about `most` bytes of it.
-    pub(super) fn copy_waiting(&mut self, bytes: &mut Vec<u8>, most: usize) {
-        let take = |slices: &[IoSlice<'_>]| {
-            for slice in slices {
-                let room = most.saturating_sub(bytes.len());
-                bytes.extend_from_slice(slice.get(..room).unwrap_or(slice));
-            }
-            Err(ErrorKind::WouldBlock.into())
-        };
-        // It is all left to be written, so that nothing can fail.
-        _ = self.outbox.write(take, |_| {});
-    }
-
     /// Takes note that the first `count` bytes of what waits were written by another than [`Self::write`].
     pub(super) fn note_written(&mut self, count: usize) {
         let Self { outbox, waiting, .. } = self;
-        let sent = |sent: &Outgoing| *waiting -= usize::from(sent.is_of_publisher());
-        let mut count = Some(count).filter(|count| *count > 0);
-        // It ends where the bytes are used up, which is no fault.
-        _ = outbox.write(|_| count.take().ok_or(ErrorKind::WouldBlock.into()), sent);
+        outbox.note_written(count, |sent| *waiting -= usize::from(sent.is_of_publisher()));
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that

@@ -70,7 +70,7 @@ impl Publication {
     /// where the broker refuses it.
     fn remember(
         &self,
-        frames: &[Bytes],
+        frames: &[Vec<u8>],
         peer: Option<&Peer>,
     ) -> Result<(Option<Fingerprint>, bool), DropReason> {
         let peer = peer.filter(|peer| takes_messages(peer)).ok_or(DropReason::SendFailed)?;
@@ -81,7 +81,7 @@ impl Publication {
     fn post(
         &self,
         connection: &mut Connection,
-        frames: Vec<Bytes>,
+        frames: Vec<Vec<u8>>,
         bytes: usize,
     ) -> Result<bool, DropReason> {
         let (print, is_refused) = self.remember(&frames, connection.peer())?;
@@ -127,7 +127,6 @@ impl Socket<Publication> {
         frames: Vec<Vec<u8>>,
         bytes: usize,
     ) -> Result<bool, DropReason> {
-        let frames: Vec<Bytes> = frames.into_iter().map(Bytes::from).collect();
         let Audience { inside: Some(broker), .. } = audience else {
             let put = |role: &mut Publication, connection: &mut Connection| {
                 role.post(connection, frames, bytes)
@@ -140,7 +139,7 @@ impl Socket<Publication> {
         let (print, is_refused) =
             self.with(|role, connection| role.remember(&frames, connection.peer()))?;
         // Not under the lock of the socket: the broker has one of its own.
-        if broker.pass(frames) {
+        if broker.pass(frames.into_iter().map(Bytes::from).collect()) {
             return Ok(is_refused);
         }
         self.with(|role, _| role.forget(print));

@@ -24,6 +24,7 @@ use mio::Registry;
 use super::connection::{Connection, SocketRole};
 use super::io::{Command, Handle, IoEndpoint, IoProgress};
 use super::link::BrokerLink;
+use super::message::Batch;
 use super::options;
 use wrapyfi_endpoint::{Context, Mutex, Pollable, Throttle};
 
@@ -46,10 +47,13 @@ struct SocketState<R> {
 
 /// Mean time between two messages below which they are a burst.
 const BURST_GAP: Duration = Duration::from_micros(20);
-/// Longest gap as it counts in the mean: one of them ends a burst.
+/// Longest gap as it counts in the mean, and the mean when there was a pause.
 const LONG_GAP: Duration = Duration::from_micros(200);
-/// Gaps of which the mean is taken, about.
-const GAPS: u32 = 8;
+/// Gaps of which the mean is taken, about, by shorter and by longer ones: a program that waits for answers between some dozens of
+/// messages is in a burst all the time.
+const GAPS: [u32; 2] = [8, 32];
+/// Gap that ends a burst.
+const PAUSE: Duration = Duration::from_millis(1);
 /// Time after which the connection's second descriptor is closed, since a burst that is over needs none.
 const BURST_OVER: Duration = Duration::from_secs(1);
 
@@ -71,8 +75,13 @@ impl Burst {
     /// True for a message that comes `now`, as one of a burst.
     fn has(&mut self, now: Instant) -> bool {
         let last = self.last.replace(now);
-        let gap = last.map_or(LONG_GAP, |last| now.saturating_duration_since(last));
-        self.gap = (self.gap * (GAPS - 1) + gap.min(LONG_GAP)) / GAPS;
+        let gap = last.map_or(PAUSE, |last| now.saturating_duration_since(last));
+        let [shorter, longer] = GAPS;
+        let count = if gap < self.gap { shorter } else { longer };
+        self.gap = match gap < PAUSE {
+            true => (self.gap * (count - 1) + gap.min(LONG_GAP)) / count,
+            false => LONG_GAP,
+        };
         self.gap < BURST_GAP
     }
 
@@ -211,10 +220,10 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         progress
     }
 
-    fn flush(&mut self, scratch: &mut Vec<u8>) -> bool {
+    fn flush(&mut self, batch: &mut Batch) -> bool {
         let flush = self.flush.lock();
         let mut state = self.state.lock();
-        let Some(stream) = state.connection.begin_flush(scratch) else {
+        let Some((stream, written)) = state.connection.begin_flush(batch) else {
             state.burst.is_asked = false;
             drop(flush);
             // At the limit of open files there is no second descriptor: then it is written as any other.
@@ -222,15 +231,18 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
             return false;
         };
         drop(state);
-        let count = (&*stream).write(scratch).unwrap_or(0);
+        let bytes = batch.bytes(written);
+        let (count, size) = ((&*stream).write(bytes).unwrap_or(0), bytes.len());
         let mut state = self.state.lock();
         let has_more = state.connection.end_flush(count);
         state.burst.is_asked = has_more;
         drop(flush);
-        if count < scratch.len() {
+        match count < size {
             // The connection has no room or has ended: the next call tells.
-            self.write(state);
+            true => self.write(state),
+            false => drop(state),
         }
+        batch.clear();
         has_more
     }
 
@@ -299,7 +311,8 @@ mod tests {
         assert!((0..1000).all(|_| !come(&mut burst, 100)), "10 000 a second are sent one by one");
         let one_by_one = (0..100).filter(|_| !come(&mut burst, 3)).count();
         assert!((8..30).contains(&one_by_one), "{one_by_one}");
-        assert!((0..100).all(|count| come(&mut burst, if count % 8 == 0 { 60 } else { 3 })));
+        let gap_us = |count| if count % 32 == 0 { 400 } else { 3 };
+        assert!((0..100).all(|count| come(&mut burst, gap_us(count))), "it waits for answers");
         assert!(!come(&mut burst, 1_000_000), "the first after a pause");
     }
 }

@@ -179,6 +179,11 @@ pub(super) fn put_header(is_command: bool, more: bool, length: usize, out: &mut 
     }
 }
 
+/// Size of the header of a frame of `length` bytes.
+fn header_size(length: usize) -> usize {
+    if u8::try_from(length).is_ok() { 2 } else { 9 }
+}
+
 /// Socket type in the properties of a command READY.
 pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
     while !properties.is_empty() {
@@ -230,18 +235,19 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
 }
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
-pub(super) fn encode(frames: Vec<Bytes>) -> Vec<Bytes> {
-    let small = frames.iter().filter(|body| body.len() <= COPIED);
-    // Ten bytes are more than the header of a frame takes.
-    let mut head = Vec::with_capacity(small.map(|body| body.len() + 10).sum());
-    let (mut parts, count) = (Vec::new(), frames.len());
+pub(super) fn encode<F: AsRef<[u8]> + Into<Bytes>>(frames: Vec<F>) -> Vec<Bytes> {
+    let sizes = frames.iter().map(|body| body.as_ref().len());
+    // Memory of just its size is taken over as it is.
+    let size = sizes.map(|size| header_size(size) + if size <= COPIED { size } else { 0 }).sum();
+    let (mut head, mut parts, count) = (Vec::with_capacity(size), Vec::new(), frames.len());
     for (index, body) in frames.into_iter().enumerate() {
-        put_header(false, index + 1 < count, body.len(), &mut head);
-        if body.len() <= COPIED {
-            head.extend_from_slice(&body);
+        let bytes = body.as_ref();
+        put_header(false, index + 1 < count, bytes.len(), &mut head);
+        if bytes.len() <= COPIED {
+            head.extend_from_slice(bytes);
         } else {
             parts.push(std::mem::take(&mut head).into());
-            parts.push(body);
+            parts.push(body.into());
         }
     }
     if !head.is_empty() {
