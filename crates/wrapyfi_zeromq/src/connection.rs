@@ -72,6 +72,11 @@ pub(super) trait SocketRole: Sized + Send + 'static {
         None
     }
 
+    /// Number of messages that may wait; none: any number.
+    fn hwm(&self) -> Option<usize> {
+        None
+    }
+
     /// Number whose change is news for the owner.
     fn seen(&self, _connection: &Connection) -> usize {
         0

@@ -45,9 +45,20 @@ pub(super) struct Publication {
 pub(super) struct Audience {
     /// Distinct subscriptions that match the topic.
     pub(super) subscriptions: usize,
-    inside: Option<Inside>,
-    /// Number of messages that may wait.
-    hwm: Option<usize>,
+    /// True where the broker is in this process.
+    is_inside: bool,
+}
+
+impl Audience {
+    /// The same as a number.
+    fn number(&self) -> usize {
+        2 * self.subscriptions + usize::from(self.is_inside)
+    }
+
+    /// That with this number.
+    fn of(number: usize) -> Self {
+        Self { subscriptions: number / 2, is_inside: number % 2 == 1 }
+    }
 }
 
 impl Publication {
@@ -109,11 +120,7 @@ impl Socket<Publication> {
 
     /// Listeners and broker that there are for the next message.
     pub(super) fn audience(&self) -> Audience {
-        self.with(|role, connection| Audience {
-            subscriptions: subscriptions(connection, false),
-            inside: role.inside.clone(),
-            hwm: role.hwm,
-        })
+        Audience::of(self.seen())
     }
 
     /// Takes a message of `bytes` bytes for `audience`, which goes out at once where there is room, or with others of a
@@ -127,17 +134,20 @@ impl Socket<Publication> {
         frames: Vec<Vec<u8>>,
         bytes: usize,
     ) -> Result<bool, DropReason> {
-        let Audience { inside: Some(broker), .. } = audience else {
+        if !audience.is_inside {
             let put = |role: &mut Publication, connection: &mut Connection| {
                 role.post(connection, frames, bytes)
             };
             return match bytes <= SMALL_BYTES {
-                true => self.send_small(audience.hwm, put),
+                true => self.send_small(put),
                 false => self.send(put),
             };
+        }
+        let put = |role: &mut Publication, connection: &Connection| {
+            let broker = role.inside.clone().ok_or(DropReason::SendFailed)?;
+            role.remember(&frames, connection.peer()).map(|remembered| (broker, remembered))
         };
-        let (print, is_refused) =
-            self.with(|role, connection| role.remember(&frames, connection.peer()))?;
+        let (broker, (print, is_refused)) = self.with(put)?;
         // Not under the lock of the socket: the broker has one of its own.
         if broker.pass(frames.into_iter().map(Bytes::from).collect()) {
             return Ok(is_refused);
@@ -162,8 +172,13 @@ impl SocketRole for Publication {
         }
     }
 
+    fn hwm(&self) -> Option<usize> {
+        self.hwm
+    }
+
     fn seen(&self, connection: &Connection) -> usize {
-        subscriptions(connection, false)
+        let is_inside = self.inside.is_some();
+        Audience { subscriptions: subscriptions(connection, false), is_inside }.number()
     }
 }
 

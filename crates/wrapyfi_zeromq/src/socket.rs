@@ -16,6 +16,7 @@
 
 use std::io::Write as _;
 use std::os::fd::AsFd;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -37,6 +38,8 @@ pub(super) struct Socket<R> {
     state: Mutex<SocketState<R>>,
     /// Held while the I/O thread sends some of a burst.
     flush: Mutex<()>,
+    /// Number of the role whose change is news, when the connection was last looked at.
+    seen: AtomicUsize,
 }
 
 struct SocketState<R> {
@@ -112,6 +115,7 @@ impl<R: SocketRole> Socket<R> {
             io: Arc::clone(io),
             state: Mutex::new(SocketState { connection, role, burst: Burst::default() }),
             flush: Mutex::new(()),
+            seen: AtomicUsize::new(0),
         });
         io.send(Command::Open(socket.id, Box::new(Arc::clone(&socket))));
         socket
@@ -121,6 +125,11 @@ impl<R: SocketRole> Socket<R> {
     /// messages on.
     pub(super) fn read_by_waiters(self: &Arc<Self>) {
         self.context.wake.attach(self);
+    }
+
+    /// Number of the role whose change is news, as it was when the connection was last looked at: no lock is needed to ask.
+    pub(super) fn seen(&self) -> usize {
+        self.seen.load(Relaxed)
     }
 
     /// Result of `what` on the role, with the connection as it is now.
@@ -139,15 +148,11 @@ impl<R: SocketRole> Socket<R> {
         put
     }
 
-    /// The same for a small message, of which `hwm` may wait: one of a burst is left to the I/O thread. An owner that is
-    /// faster than that thread waits until it has sent some.
-    pub(super) fn send_small<T>(
-        &self,
-        hwm: Option<usize>,
-        put: impl FnOnce(&mut R, &mut Connection) -> T,
-    ) -> T {
+    /// The same for a small message: one of a burst is left to the I/O thread. An owner that is faster than that thread waits
+    /// until it has sent some.
+    pub(super) fn send_small<T>(&self, put: impl FnOnce(&mut R, &mut Connection) -> T) -> T {
         let mut state = self.state.lock();
-        if state.connection.is_crowded(hwm) {
+        if state.connection.is_crowded(state.role.hwm()) {
             drop(state);
             self.write(self.settled());
             state = self.state.lock();
@@ -214,7 +219,9 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         }
         let before = (role.seen(connection), connection.link.state());
         let progress = connection.turn(role, now, registry, faults);
-        let has_changed = before != (role.seen(connection), connection.link.state());
+        let after = (role.seen(connection), connection.link.state());
+        self.seen.store(after.0, Relaxed);
+        let has_changed = before != after;
         drop(state);
         self.tell(has_changed, false);
         progress
