@@ -1,5 +1,7 @@
 //! Status of routes for programs, a line each time.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 use wrapyfi_engine::RouteStatus;
 
@@ -16,7 +18,13 @@ pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
     let panics = (panics > 0).then_some(panics);
     // Names are text and counters are numbers: nothing in it can fail.
     let line = serde_json::to_string(&StatusRecord { routes, panics }).unwrap_or_default();
-    format!("{}\n", escaped(&line)).into_bytes()
+    let shown = match escaped(&line) {
+        Cow::Owned(shown) => Some(shown),
+        Cow::Borrowed(_) => None,
+    };
+    let mut line = shown.unwrap_or(line);
+    line.push('\n');
+    line.into_bytes()
 }
 
 #[cfg(test)]

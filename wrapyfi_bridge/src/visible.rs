@@ -30,7 +30,8 @@ pub fn escaped_lines(text: &str) -> Cow<'_, str> {
 }
 
 fn without(text: &str, is_hidden: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if !text.contains(&is_hidden) {
+    // Most text is plain, and a look at its bytes takes a tenth of the time.
+    if text.bytes().all(|byte| matches!(byte, b' '..=b'~')) || !text.contains(&is_hidden) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use bytes::Bytes;
+use smallvec::SmallVec;
 
 use super::own_messages::Fingerprint;
 use super::zmtp;
@@ -15,11 +16,14 @@ const BATCH_MESSAGES: usize = 64;
 /// Bytes that are written with one call at most.
 const BATCH_BYTES: usize = 64 * 1024;
 
+/// Bytes of a message in pieces, of which a small message has one.
+pub(super) type Parts = SmallVec<[Bytes; 1]>;
+
 /// A message, which exists once however many peers it waits for.
 #[derive(Debug)]
 pub(super) struct Message {
     /// Its bytes as they go on the wire; its frames where each connection seals them for itself, with CURVE.
-    pub(super) parts: Vec<Bytes>,
+    pub(super) parts: Parts,
     /// Size of the parts.
     bytes: usize,
     /// Topic and size as its publisher counts it; none for what the broker says itself.

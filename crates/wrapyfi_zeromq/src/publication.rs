@@ -97,7 +97,8 @@ impl Publication {
     ) -> Result<bool, DropReason> {
         let (print, is_refused) = self.remember(&frames, connection.peer())?;
         let peer = connection.peer_mut().ok_or(DropReason::SendFailed)?;
-        let of = Some((self.topic.clone(), bytes));
+        // Its topic is the connection's.
+        let of = Some((Bytes::new(), bytes));
         let queued = peer.queue(&Message::new(frames, self.is_sealed, of, print), self.hwm);
         queued.inspect_err(|_| self.forget(print)).map(|()| is_refused)
     }

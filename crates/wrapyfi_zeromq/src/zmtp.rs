@@ -11,6 +11,8 @@
 
 use bytes::Bytes;
 
+use super::message::Parts;
+
 /// Size of a greeting.
 pub(super) const GREETING: usize = 64;
 /// Size of what stands before the mechanism in it.
@@ -235,11 +237,11 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
 }
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
-pub(super) fn encode<F: AsRef<[u8]> + Into<Bytes>>(frames: Vec<F>) -> Vec<Bytes> {
+pub(super) fn encode<F: AsRef<[u8]> + Into<Bytes>>(frames: Vec<F>) -> Parts {
     let sizes = frames.iter().map(|body| body.as_ref().len());
     // Memory of just its size is taken over as it is.
     let size = sizes.map(|size| header_size(size) + if size <= COPIED { size } else { 0 }).sum();
-    let (mut head, mut parts, count) = (Vec::with_capacity(size), Vec::new(), frames.len());
+    let (mut head, mut parts, count) = (Vec::with_capacity(size), Parts::new(), frames.len());
     for (index, body) in frames.into_iter().enumerate() {
         let bytes = body.as_ref();
         put_header(false, index + 1 < count, bytes.len(), &mut head);

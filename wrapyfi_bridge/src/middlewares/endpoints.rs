@@ -115,11 +115,17 @@ impl Endpoints {
         problems: &mut Vec<Problem>,
     ) -> Self {
         let mut endpoints = Self::default();
+        let before = before_routes(text);
+        let read = |section: Box<dyn Section>| match section.read(before) {
+            // The remedy may depend on what follows.
+            reading if !reading.problems.is_empty() && before != text => section.read(text),
+            reading => reading,
+        };
         for (name, driver) in drivers()
             .iter()
             .filter(|(name, _)| written.is_none_or(|written| written.0.contains(name)))
         {
-            match guarded(name, || driver.section().read(text)) {
+            match guarded(name, || read(driver.section())) {
                 Ok(reading) => {
                     // What stands around the sections was read before: a place has one fault.
                     let known: Vec<_> = problems.iter().map(|known| known.position).collect();
@@ -345,6 +351,25 @@ pub(super) fn of_start(name: &str, error: StartError) -> Failure {
     }
 }
 
+/// Text before its routes, where nothing stands behind them: a thousand routes are read once, and not again by each section.
+fn before_routes(text: &str) -> &str {
+    let is_route = |line: &str| {
+        line.trim_end().is_empty()
+            || line.starts_with([' ', '#'])
+            || (line.starts_with('-') && !line.starts_with("---"))
+    };
+    let mut at = 0;
+    for line in text.split_inclusive('\n') {
+        let (before, after) = text.split_at_checked(at).unwrap_or((text, ""));
+        at += line.len();
+        if line.starts_with("routes:") {
+            let is_last = after.lines().skip(1).all(is_route);
+            return if is_last { before } else { text };
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 impl Endpoints {
     /// Value of a setting, such as `yarp.ip`, where it has one.
@@ -368,5 +393,29 @@ impl Endpoints {
         let route = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]";
         let text = format!("endpoints: {sections}\n{route}\n");
         super::load_text(&text, "test").unwrap().endpoints
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_are_read_without_the_routes_that_stand_behind_them() {
+        let sections = "# /a\nendpoints:\n  yarp: { ip: x }\n";
+        for routes in
+            ["routes:\n  - { from: a }\n\n# end\n", "routes:\n- from: a\n  to: b", "routes: []"]
+        {
+            assert_eq!(before_routes(&format!("{sections}{routes}")), sections);
+        }
+        let behind = [
+            "routes: []\nendpoints: {}\n",
+            "routes: []\n---\nendpoints: {}\n",
+            "{ routes: [] }\n",
+            "",
+        ];
+        for whole in behind {
+            assert_eq!(before_routes(whole), whole);
+        }
     }
 }
