@@ -33,8 +33,6 @@ pub(super) struct Publication {
     hwm: Option<usize>,
     own: Arc<OwnTopic>,
     context: Context,
-    /// True where the connection has CURVE, which seals each message for itself.
-    is_sealed: bool,
     ledger: Arc<Ledger>,
     /// The broker, where it is in this process: messages go to it itself, and the connection only tells who is
     /// subscribed.
@@ -61,57 +59,39 @@ impl Audience {
     }
 }
 
-impl Publication {
-    /// A publisher's socket, which the I/O thread connects.
-    pub(super) fn open(shared: &ZeroMqState, topic: &str, context: &Context) -> Arc<Socket<Self>> {
-        let connection = shared.connection(shared.sub_address, topic);
-        let publication = Self {
-            topic: Bytes::copy_from_slice(topic.as_bytes()),
-            hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
-            own: shared.own_messages.of(topic),
-            context: context.clone(),
-            is_sealed: shared.keys.is_some(),
-            ledger: Arc::clone(&shared.ledger),
-            inside: None,
-        };
-        Socket::open(&shared.io.handle, connection, publication, context)
-    }
+/// A publisher's socket, with what it needs outside of the socket's lock.
+pub(super) struct PublicationSocket {
+    socket: Arc<Socket<Publication>>,
+    own: Arc<OwnTopic>,
+    /// True where the connection has CURVE, which seals each message for itself.
+    is_sealed: bool,
+}
 
-    /// Takes note of a message that is about to go to the broker, `peer`: it may be back before that is over. True
-    /// where the broker refuses it.
-    fn remember(
-        &self,
-        frames: &[Vec<u8>],
-        peer: Option<&Peer>,
-    ) -> Result<(Option<Fingerprint>, bool), DropReason> {
-        let peer = peer.filter(|peer| takes_messages(peer)).ok_or(DropReason::SendFailed)?;
-        Ok((self.own.remember(frames, &self.context.clock), peer.is_refused))
-    }
+impl std::ops::Deref for PublicationSocket {
+    type Target = Socket<Publication>;
 
-    /// Queues a message of `bytes` bytes; true where the broker refuses it.
-    fn post(
-        &self,
-        connection: &mut Connection,
-        frames: Vec<Vec<u8>>,
-        bytes: usize,
-    ) -> Result<bool, DropReason> {
-        let (print, is_refused) = self.remember(&frames, connection.peer())?;
-        let peer = connection.peer_mut().ok_or(DropReason::SendFailed)?;
-        // Its topic is the connection's.
-        let of = Some((Bytes::new(), bytes));
-        let queued = peer.queue(&Message::new(frames, self.is_sealed, of, print), self.hwm);
-        queued.inspect_err(|_| self.forget(print)).map(|()| is_refused)
-    }
-
-    /// An equal message that comes after one that was not sent is another program's.
-    fn forget(&self, print: Option<Fingerprint>) {
-        if let Some(print) = print {
-            self.own.forget(print);
-        }
+    fn deref(&self) -> &Self::Target {
+        &self.socket
     }
 }
 
-impl Socket<Publication> {
+impl PublicationSocket {
+    /// A publisher's socket, which the I/O thread connects.
+    pub(super) fn open(shared: &ZeroMqState, topic: &str, context: &Context) -> Self {
+        let connection = shared.connection(shared.sub_address, topic);
+        let own = shared.own_messages.of(topic);
+        let publication = Publication {
+            topic: Bytes::copy_from_slice(topic.as_bytes()),
+            hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
+            own: Arc::clone(&own),
+            context: context.clone(),
+            ledger: Arc::clone(&shared.ledger),
+            inside: None,
+        };
+        let socket = Socket::open(&shared.io.handle, connection, publication, context);
+        Self { socket, own, is_sealed: shared.keys.is_some() }
+    }
+
     /// Distinct subscriptions that match the topic, as far as the broker told; with `named` those that name at least
     /// the beginning of the topic. Peers that look for topics, a bridge with patterns among them, subscribe to
     /// everything.
@@ -131,30 +111,46 @@ impl Socket<Publication> {
     /// Why there is no room for it.
     pub(super) fn publish(
         &self,
-        audience: Audience,
+        audience: &Audience,
         frames: Vec<Vec<u8>>,
         bytes: usize,
     ) -> Result<bool, DropReason> {
-        if !audience.is_inside {
-            let put = |role: &mut Publication, connection: &mut Connection| {
-                role.post(connection, frames, bytes)
-            };
-            return match bytes <= SMALL_BYTES {
-                true => self.send_small(put),
-                false => self.send(put),
-            };
-        }
-        let put = |role: &mut Publication, connection: &Connection| {
-            let broker = role.inside.clone().ok_or(DropReason::SendFailed)?;
-            role.remember(&frames, connection.peer()).map(|remembered| (broker, remembered))
+        // It may be back before it is sent as a whole.
+        let print = self.own.remember(&frames, &self.context.clock);
+        let sent = match audience.is_inside {
+            true => self.pass(frames),
+            false => self.post(frames, bytes, print),
         };
-        let (broker, (print, is_refused)) = self.with(put)?;
+        // An equal message that comes after one that was not sent is another program's.
+        sent.inspect_err(|_| self.own.forget(print))
+    }
+
+    /// Queues a message; true where the broker refuses it.
+    fn post(
+        &self,
+        frames: Vec<Vec<u8>>,
+        bytes: usize,
+        print: Option<Fingerprint>,
+    ) -> Result<bool, DropReason> {
+        // Its topic is the connection's.
+        let message = Message::new(frames, self.is_sealed, Some((Bytes::new(), bytes)), print);
+        let put = |role: &mut Publication, connection: &mut Connection| {
+            let peer = connection.peer_mut().filter(|peer| takes_messages(peer));
+            let peer = peer.ok_or(DropReason::SendFailed)?;
+            peer.queue(&message, role.hwm).map(|()| peer.is_refused)
+        };
+        if bytes <= SMALL_BYTES { self.send_small(put) } else { self.send(put) }
+    }
+
+    /// Gives a message to the broker of this process; true where that refuses it.
+    fn pass(&self, frames: Vec<Vec<u8>>) -> Result<bool, DropReason> {
+        let (broker, is_refused) = self.with(|role, connection| {
+            let peer = connection.peer().filter(|peer| takes_messages(peer));
+            role.inside.clone().zip(peer.map(|peer| peer.is_refused)).ok_or(DropReason::SendFailed)
+        })?;
         // Not under the lock of the socket: the broker has one of its own.
-        if broker.pass(frames.into_iter().map(Bytes::from).collect()) {
-            return Ok(is_refused);
-        }
-        self.with(|role, _| role.forget(print));
-        Err(DropReason::SendFailed)
+        let is_passed = broker.pass(frames.into_iter().map(Bytes::from).collect());
+        is_passed.then_some(is_refused).ok_or(DropReason::SendFailed)
     }
 }
 
@@ -169,7 +165,7 @@ impl SocketRole for Publication {
             if let Some((_, bytes)) = message.of {
                 self.context.counters.undelivered(reason, bytes);
             }
-            self.forget(message.print);
+            self.own.forget(message.print);
         }
     }
 

@@ -4,19 +4,16 @@
 //! two are alike. It holds `send_hwm` messages for a broker that reads slower than we send; what
 //! comes then is refused, not dropped.
 
-use std::sync::Arc;
-
 use super::codec;
-use super::publication::Publication;
+use super::publication::PublicationSocket;
 use super::shared::ZeroMqState;
-use super::socket::Socket;
 use super::zmtp::Kind;
 use wrapyfi_data::types::{Image, Payload, Pixels};
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
 
 /// Sends one topic through the broker.
 pub(super) struct ZeroMqPublisher {
-    socket: Arc<Socket<Publication>>,
+    socket: PublicationSocket,
     spec: TopicSpec,
     depth: usize,
     /// True once the log says that colours are sent in another order than they come in.
@@ -28,7 +25,7 @@ impl ZeroMqPublisher {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let socket = Publication::open(shared, &spec.topic, context);
+        let socket = PublicationSocket::open(shared, &spec.topic, context);
         shared.ledger.enter(Kind::Xpub, &spec.topic, &context.counters);
         Self { socket, spec, depth: usize::from(shared.send_hwm), told_order: false }
     }
@@ -76,7 +73,7 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = codec::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        let is_refused = self.socket.publish(audience, frames, bytes).map_err(|reason| {
+        let is_refused = self.socket.publish(&audience, frames, bytes).map_err(|reason| {
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },
