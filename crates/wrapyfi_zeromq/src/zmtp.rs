@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn messages_are_encoded_as_they_are_split() {
         let sizes = [0, 255, 256, COPIED, COPIED + 1, 3];
-        let parts = encode(sizes.iter().map(|&size| vec![7_u8; size].into()).collect());
+        let parts = encode(sizes.iter().map(|&size| vec![7_u8; size]).collect());
         assert_eq!(parts.len(), 3, "one is sent from where it lies");
         let bytes = parts.concat();
         let mut rest = &bytes[..];
