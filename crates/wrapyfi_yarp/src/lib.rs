@@ -32,6 +32,7 @@ pub mod name;
 pub mod port;
 pub mod server;
 pub mod sig;
+pub mod task;
 pub mod wire;
 
 pub use bottle::{Bottle, Value};

@@ -21,6 +21,7 @@ use wrapyfi_yarp::{Bottle, Dialect};
 use super::options::{BottleFormat, YarpOptions};
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::codec::EncodeResult;
+use wrapyfi_yarp::task::erased;
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
@@ -100,7 +101,7 @@ impl ClientDialects {
             return;
         }
         let clients = Arc::clone(self);
-        tokio::spawn(async move {
+        tokio::spawn(erased(async move {
             let (told, has_told) = ask(&clients.network, &name).await;
             if has_told && told == dialect {
                 return;
@@ -112,7 +113,7 @@ impl ClientDialects {
             tracing::warn!(
                 "{name} was answered with floats of dialect {dialect}, and {it}: set option dialect"
             );
-        });
+        }));
     }
 
     /// Notes the dialect of a client; true when none was known.

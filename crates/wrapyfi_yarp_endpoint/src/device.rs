@@ -165,7 +165,7 @@ impl Device {
         &self,
         shared: &InstanceState,
         mut changes: watch::Receiver<Connected>,
-        connected: impl Fn() -> bool,
+        connected: &(dyn Fn() -> bool + Sync),
     ) {
         let Some(subject) = &self.subject else { return std::future::pending().await };
         let names: Vec<String> = self.rpc.iter().map(|(name, _)| name.clone()).collect();

@@ -28,6 +28,7 @@ use super::shared::InstanceState;
 use super::unlisted;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Cause, Mutex, Named};
+use wrapyfi_yarp::task::erased;
 
 /// Longest time that opening an endpoint waits for the first answer of the name server.
 const FIRST_ANSWER: Duration = Duration::from_secs(1);
@@ -346,7 +347,7 @@ async fn listen(
     // They end with this name server: the next one may know the ports.
     let mut watches = JoinSet::new();
     for (name, entry) in directory.found(client.list("").await?) {
-        watches.spawn(unlisted::until_gone(Arc::clone(shared), name, entry));
+        watches.spawn(erased(unlisted::until_gone(Arc::clone(shared), name, entry)));
     }
     backoff.reset();
     let begin = tokio::time::Instant::now();

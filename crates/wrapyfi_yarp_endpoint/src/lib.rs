@@ -400,7 +400,7 @@ impl Drop for Yarp {
         let most = Limits::SHUTDOWN * 3 / 4;
         if Handle::try_current().is_ok() {
             // Inside a caller's runtime nothing may wait.
-            runtime.spawn(ended);
+            runtime.spawn(wrapyfi_yarp::task::erased(ended));
             return runtime.shutdown_background();
         }
         runtime.block_on(async {

@@ -186,10 +186,11 @@ async fn serve((shared, state): (Arc<InstanceState>, Arc<ListenerState>)) {
             state.link_state.waiting(why);
         }
     };
+    let has_sources = || !state.sources().is_empty();
     tokio::select! {
         () = counted => {}
-        () = connection.keep(&shared, changes.clone(), is_connected, say) => {}
-        () = state.device.follow(&shared, changes.clone(), || !state.sources().is_empty()) => {}
+        () = connection.keep(&shared, changes.clone(), &is_connected, &say) => {}
+        () = state.device.follow(&shared, changes.clone(), &has_sources) => {}
     }
 }
 

@@ -99,7 +99,7 @@ async fn run(shared: Arc<InstanceState>, name: String, lines: Arc<Mutex<mpsc::Re
         }
     };
     tokio::select! {
-        () = connection.keep(&shared, changes, is_connected, |_why| {}) => {}
+        () = connection.keep(&shared, changes, &is_connected, &|_why| {}) => {}
         () = sent => {}
     }
     port.close().await;

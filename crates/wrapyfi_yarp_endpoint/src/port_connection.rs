@@ -78,8 +78,8 @@ impl PortConnection {
         &self,
         shared: &InstanceState,
         mut changed: watch::Receiver<Connected>,
-        is_connected: impl Fn() -> bool,
-        say: impl Fn(Cause),
+        is_connected: &(dyn Fn() -> bool + Sync),
+        say: &(dyn Fn(Cause) + Sync),
     ) {
         let bell = shared.directory.watch(self.other());
         let (mut backoff, mut subscribed) =
@@ -88,7 +88,7 @@ impl PortConnection {
         loop {
             let reached = shared.directory.reached();
             if reached.is_none() {
-                shared.directory.waiting_for().into_iter().for_each(&say);
+                shared.directory.waiting_for().into_iter().for_each(say);
                 news(&bell, &mut changed).await;
                 continue;
             }
@@ -104,7 +104,7 @@ impl PortConnection {
                 let to = format!("{carrier}:/{}", self.destination);
                 let asked = shared.registrar.client().subscribe(&self.source, &to);
                 let what = format!("to connect port {}", self.other());
-                if let Err(error) = shared.directory.answers(&what, asked, &say).await {
+                if let Err(error) = shared.directory.answers(&what, asked, say).await {
                     let fault = PeerFault::Transport(error.to_string());
                     let address = shared.directory.address().to_owned();
                     let server = Named { words: "the name server".to_owned(), address };

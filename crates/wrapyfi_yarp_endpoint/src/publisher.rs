@@ -43,6 +43,7 @@ use wrapyfi_endpoint::{
     Absent, Cause, Context, Counters, DropReason, Link, Mutex, OpenResult, PublishError, Publisher,
     Role, TopicSpec,
 };
+use wrapyfi_yarp::task::erased;
 
 /// Sends one topic.
 pub(super) struct YarpPublisher {
@@ -242,7 +243,7 @@ async fn keep((shared, state): (Arc<InstanceState>, Arc<PublisherState>)) {
             () = serve(&shared, &state, destination.as_deref()) => return,
         };
         // To its end, whatever ends meanwhile.
-        _ = tokio::spawn(close((Arc::clone(&shared), Arc::clone(&state)))).await;
+        _ = tokio::spawn(erased(close((Arc::clone(&shared), Arc::clone(&state))))).await;
         tracing::info!("{} writes to the port {found}, which exists", state.name);
         destination = Some(found);
     }
@@ -330,7 +331,7 @@ async fn serve(shared: &InstanceState, state: &PublisherState, destination: Opti
         let Some(connection) = &connection else { return std::future::pending().await };
         let is_connected = || state.readers().iter().any(|reader| reader == connection.other());
         connection
-            .keep(shared, changes.clone(), is_connected, |why| {
+            .keep(shared, changes.clone(), &is_connected, &|why| {
                 // A connection needs no name server: messages go on while it is away.
                 if changes.borrow().outputs == 0 {
                     state.link_state.waiting(why);
@@ -338,10 +339,11 @@ async fn serve(shared: &InstanceState, state: &PublisherState, destination: Opti
             })
             .await;
     };
+    let has_outputs = || changes.borrow().outputs > 0;
     tokio::select! {
         () = count_readers(shared, &name, changes.clone(), state, connection.is_some()) => {}
         () = kept => {}
-        () = state.device.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
+        () = state.device.follow(shared, changes.clone(), &has_outputs) => {}
     }
 }
 

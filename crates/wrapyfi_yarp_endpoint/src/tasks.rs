@@ -9,6 +9,7 @@ use tokio::task::JoinSet;
 use super::link_state::LinkState;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{Cause, Mutex};
+use wrapyfi_yarp::task::{Task, erased};
 
 /// Runtime of the endpoints' tasks, which ends all of them.
 #[derive(Debug)]
@@ -54,27 +55,40 @@ impl Tasks {
         name: &str,
         link_state: &Arc<LinkState>,
         endpoint: S,
-        serve: impl Fn(S) -> F + Clone + Send + 'static,
-        close: impl Fn(S) -> G + Clone + Send + 'static,
+        serve: impl Fn(S) -> F + Send + 'static,
+        close: impl Fn(S) -> G + Send + 'static,
     ) -> Stop
     where
         S: Clone + Send + 'static,
         F: Future<Output = ()> + Send + 'static,
         G: Future<Output = ()> + Send + 'static,
     {
+        let served = endpoint.clone();
+        let serve = move || erased(serve(served.clone()));
+        let close = move || erased(close(endpoint.clone()));
+        self.spawn_steps(name, link_state, Box::new(serve), Box::new(close))
+    }
+
+    fn spawn_steps(
+        &self,
+        name: &str,
+        link_state: &Arc<LinkState>,
+        serve: Box<dyn Fn() -> Task + Send>,
+        close: Box<dyn Fn() -> Task + Send>,
+    ) -> Stop {
         let (_sender, of_endpoint) = watch::channel(());
         let stopped = Stopped { endpoint: of_endpoint, all: self.ending.subscribe() };
         let (told, ended) = (Arc::clone(link_state), Arc::clone(link_state));
         let begin = move || {
-            let (endpoint, mut stopped) = (endpoint.clone(), stopped.clone());
-            let (serve, close, ended) = (serve.clone(), close.clone(), Arc::clone(&ended));
+            let (left_open, serve, close) = (close(), serve(), close());
+            let (mut stopped, ended) = (stopped.clone(), Arc::clone(&ended));
             async move {
-                close(endpoint.clone()).await;
+                left_open.await;
                 tokio::select! {
                     () = stopped.wait() => {}
-                    () = serve(endpoint.clone()) => {}
+                    () = serve => {}
                 }
-                close(endpoint).await;
+                close.await;
                 ended.ended();
             }
         };
@@ -85,13 +99,13 @@ impl Tasks {
         );
         let mut running = self.running.lock();
         while running.try_join_next().is_some() {}
-        running.spawn_on(task, &self.handle);
+        running.spawn_on(erased(task), &self.handle);
         Stop { _sender }
     }
 
     /// Starts a task that is given up when YARP ends.
     pub(super) fn spawn_aside(&self, task: impl Future<Output = ()> + Send + 'static) {
-        drop(self.handle.spawn(task));
+        drop(self.handle.spawn(erased(task)));
     }
 
     /// Stops all, and waits until they have ended.

@@ -32,6 +32,7 @@ use super::error::NameError;
 use super::reply;
 use crate::port::link::{Link, LinkError};
 use crate::port::names::{Later, NameRequest, Names, Registration};
+use crate::task::erased;
 use crate::wire::{Carrier, Command, text};
 
 /// Settings by which ports are kept registered.
@@ -120,11 +121,11 @@ impl Registrar {
         });
         let (told, kept) = (Arc::clone(&shared), Arc::clone(&shared));
         let mut task = JoinSet::new();
-        task.spawn(restarted(
+        task.spawn(erased(restarted(
             "the registration of YARP ports".to_owned(),
             move |_| told.failed(),
             move || watch_over(Arc::clone(&kept)),
-        ));
+        )));
         Self(Arc::new(RegistrarTask { shared, _task: task }))
     }
 

@@ -6,6 +6,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 
 use super::fault_counts::FaultCounts;
+use crate::task::erased;
 
 /// Time to recover after the system refused a connection. It is out of file descriptors, mostly: the next
 /// connection may find some closed.
@@ -44,7 +45,7 @@ pub(super) async fn accept<T: Future<Output = ()> + Send + 'static>(
                     "connection closed: {limit} are open, which is the limit"
                 );
             }
-            Ok((stream, _)) => _ = tasks.spawn(serve(stream)),
+            Ok((stream, _)) => _ = tasks.spawn(erased(serve(stream))),
             Err(error) => {
                 fault_counts.add("accept_failed");
                 tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "cannot accept");

@@ -22,6 +22,7 @@ use super::pace::Pace;
 use super::room::{Begun, progress};
 use super::session::{Data, Session};
 use super::target::{self, Way};
+use crate::task::erased;
 use crate::wire::datagram::Assembler;
 use crate::wire::{Command, Incoming, number};
 
@@ -74,7 +75,7 @@ pub(super) async fn group(core: &Arc<Core>, contact: &str) -> Result<Arc<Group>,
     let outbox = Arc::new(core.new_outbox());
     let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
     let core = Arc::clone(core);
-    tokio::spawn(async move {
+    tokio::spawn(erased(async move {
         let way = Way::Datagrams { socket, pace: Pace::new() };
         if let Err(error) = target::run(way, &outbox).await {
             let name = &core.name;
@@ -82,7 +83,7 @@ pub(super) async fn group(core: &Arc<Core>, contact: &str) -> Result<Arc<Group>,
             core.fault_counts.add("output_ended");
         }
         outbox.end();
-    });
+    }));
     Ok(group)
 }
 

@@ -10,6 +10,7 @@ use wrapyfi_retry::restart::restarted;
 use super::accept::accept;
 use super::connection;
 use super::core::{Core, Input};
+use crate::task::erased;
 
 /// Takes connections until the port closes, then ends what it has.
 pub(crate) async fn keep(core: Arc<Core>, listener: TcpListener) {
@@ -64,16 +65,16 @@ async fn say_goodbye(core: &Arc<Core>) {
     let mut goodbyes = JoinSet::new();
     for sender in senders {
         let core = Arc::clone(core);
-        goodbyes.spawn(async move {
+        goodbyes.spawn(erased(async move {
             if let Err(error) = core.network.disconnect(&sender, &core.name).await {
                 let name = &core.name;
                 tracing::debug!(target: "wrapyfi_yarp::port", name, sender, %error, "goodbye");
             }
-        });
+        }));
     }
     for id in outputs {
         let core = Arc::clone(core);
-        goodbyes.spawn(async move { core.end_output(id).await });
+        goodbyes.spawn(erased(async move { core.end_output(id).await }));
     }
     while goodbyes.join_next().await.is_some() {}
 }

@@ -23,6 +23,7 @@ use super::pace::Pace;
 use super::pictures;
 use super::rpc_link::RpcLink;
 use super::target::{self, Way};
+use crate::task::erased;
 use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
 
 /// Time that a receiver has to find that it lacks a modifier: it answers the header first, and then
@@ -157,7 +158,7 @@ impl Core {
         let kind = Kind::Queue(Arc::clone(&outbox));
         let id = self.enter_output(peer, kind, socket);
         let core = Arc::clone(self);
-        tokio::spawn(async move {
+        tokio::spawn(erased(async move {
             // Also when the task is dropped with its runtime.
             let _end = EndOnDrop { core: Arc::clone(&core), outbox: Arc::clone(&outbox), id };
             let ended = tokio::select! {
@@ -170,7 +171,7 @@ impl Core {
                 tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "output ended");
                 core.fault_counts.add("output_ended");
             }
-        });
+        }));
     }
 
     /// Puts an output on the list; its number there.

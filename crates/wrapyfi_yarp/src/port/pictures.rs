@@ -13,6 +13,7 @@ use super::entered::Entered;
 use super::link::LinkError;
 use super::session::Session;
 use super::stream::Stream;
+use crate::task::erased;
 use crate::wire::mjpeg::{self, MjpegReader};
 use wrapyfi_retry::liveness;
 
@@ -47,13 +48,13 @@ pub(super) fn pull<'a>(core: &'a Arc<Core>, name: &'a str, contact: &'a str) -> 
         let entered = Entered::new(core, &session);
         let core = Arc::clone(core);
         let mut closing = core.closing.subscribe();
-        tokio::spawn(async move {
+        tokio::spawn(erased(async move {
             tokio::select! {
                 biased;
                 _ = closing.wait_for(|closing| *closing) => {}
                 () = connection::attend(Arc::clone(&core), session, entered) => {}
             }
-        });
+        }));
         Ok(())
     })
 }

@@ -27,6 +27,7 @@ use super::rpc_link::RpcLink;
 use super::session::Answer;
 use crate::Bottle;
 use crate::bottle::EncodeError;
+use crate::task::erased;
 use crate::wire::Carrier;
 
 /// Error of a request.
@@ -158,7 +159,7 @@ impl Port {
         let (opened, listener) = open::open(network, name, options).await?;
         let core = Core::new(network, opened, options.clone(), role, handler, None);
         let port = Self { core: Arc::new(core) };
-        tokio::spawn(life::keep(Arc::clone(&port.core), listener));
+        tokio::spawn(erased(life::keep(Arc::clone(&port.core), listener)));
         if options.register {
             open::announce(network, port.name(), port.address().ip()).await;
         }

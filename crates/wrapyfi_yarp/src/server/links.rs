@@ -24,6 +24,7 @@ use super::subscriptions::Link;
 use crate::name::{NameError, Target, is_pull, name_fault};
 use crate::port::AdminError;
 use crate::port::names::Registration;
+use crate::task::erased;
 use crate::{Bottle, Value, WireLimits};
 
 /// Pairs that are seen to at a time: each may wait for a port that does not answer.
@@ -61,7 +62,7 @@ impl Links {
         let pair = (link.src, link.dest);
         if waiting.wishes.insert(pair.clone(), Some(link.connect)).is_none() {
             let turns = Arc::clone(&self.turns);
-            waiting.tasks.spawn(see_to(pair, Weak::clone(shared), turns));
+            waiting.tasks.spawn(erased(see_to(pair, Weak::clone(shared), turns)));
         }
     }
 

@@ -46,6 +46,7 @@ use crate::port::core::{Core, NameService, Role};
 use crate::port::names::Registration;
 use crate::port::open::Opened;
 use crate::port::{Network, NetworkOptions, Overflow, Port, PortOptions, Timeouts, life};
+use crate::task::erased;
 use commands::NameState;
 use shared::ServerState;
 
@@ -191,7 +192,7 @@ impl NameServer {
         if let Some(port) = shared.options.discovery_port {
             match discovery::socket(ip, port) {
                 Ok(socket) => {
-                    discovery.spawn(discovery::answer(socket, port, Arc::clone(&shared)));
+                    discovery.spawn(erased(discovery::answer(socket, port, Arc::clone(&shared))));
                 }
                 // Configured clients do not need it.
                 Err(error) => tracing::warn!(
@@ -201,7 +202,7 @@ impl NameServer {
             }
         }
         let port = Port { core: Arc::clone(&shared.core) };
-        tokio::spawn(life::keep(Arc::clone(&port.core), listener));
+        tokio::spawn(erased(life::keep(Arc::clone(&port.core), listener)));
         tracing::info!(target: "wrapyfi_yarp::server", %address, "name server runs");
         Ok(Self { port, shared, discovery })
     }
