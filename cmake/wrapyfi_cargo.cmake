@@ -80,6 +80,13 @@ if(NOT WRAPYFI_PKG_CONFIG OR _no_turbojpeg)
     "`sudo apt install libturbojpeg0-dev pkg-config`.")
 endif()
 
+# Zstandard of recordings: the system's, which has it compiled. Elsewhere the crate zstd-sys compiles its copy.
+set(_wrapyfi_libraries "")
+execute_process(COMMAND "${WRAPYFI_PKG_CONFIG}" --exists "libzstd >= 1.4.8" RESULT_VARIABLE _no_zstd)
+if(NOT _no_zstd)
+  set(_wrapyfi_libraries "ZSTD_SYS_USE_PKG_CONFIG=1")
+endif()
+
 # Tests have sockets of libzmq as peers: the system's on these two, elsewhere the copy that the crate zmq-sys compiles.
 if(BUILD_TESTING AND CMAKE_HOST_SYSTEM_PROCESSOR MATCHES "^(x86_64|aarch64)$"
     AND NOT EXISTS "/usr/lib/${CMAKE_HOST_SYSTEM_PROCESSOR}-linux-gnu/libzmq.so")
@@ -87,7 +94,7 @@ if(BUILD_TESTING AND CMAKE_HOST_SYSTEM_PROCESSOR MATCHES "^(x86_64|aarch64)$"
     "run `rosdep install --from-paths ${WRAPYFI_WORKSPACE} --ignore-src`, or `sudo apt install libzmq3-dev`.")
 endif()
 
-foreach(_name _version _error _result _number _found _usable _remedy)
+foreach(_name _version _error _result _number _found _usable _remedy _no_turbojpeg _no_zstd)
   unset(${_name})
 endforeach()
 
@@ -100,7 +107,7 @@ endif()
 # Only the target folder differs from what a developer types, so nothing is built twice for a flag.
 set(_wrapyfi_cargo
   "${CMAKE_COMMAND}" -E env ${_wrapyfi_rustc} "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}"
-  "WRAPYFI_RMW_PREFIX_PATH=${WRAPYFI_RMW_PREFIX_PATH}" "${CARGO_EXECUTABLE}")
+  "WRAPYFI_RMW_PREFIX_PATH=${WRAPYFI_RMW_PREFIX_PATH}" ${_wrapyfi_libraries} "${CARGO_EXECUTABLE}")
 
 function(wrapyfi_cargo_build)
   # Quiet: colcon reports whatever is on standard error, and Cargo tells its progress there. Warnings
@@ -174,7 +181,7 @@ function(wrapyfi_cargo_test _crate)
       --profile "${WRAPYFI_CARGO_PROFILE}" --package "${_crate}" --result "${_result}" "--rmw=${WRAPYFI_RMW_PREFIX_PATH}"
       "--tested=${_tested}" ${_doc_tests}
     RESULT_FILE "${_result}"
-    ENV ${_wrapyfi_rustc}
+    ENV ${_wrapyfi_rustc} ${_wrapyfi_libraries}
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
     TIMEOUT ${_arg_TIMEOUT})
 endfunction()

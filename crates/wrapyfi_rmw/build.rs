@@ -102,22 +102,23 @@ mod installed {
 
     fn bind(includes: &[PathBuf]) {
         let out = PathBuf::from(env::var_os("OUT_DIR").expect("Cargo sets OUT_DIR"));
-        bindgen::Builder::default()
+        let bindings = bindgen::Builder::default()
             .header("src/rmw.h")
             .clang_args(includes.iter().map(|folder| format!("-I{}", folder.display())))
             .allowlist_function("(rmw|rcutils|wrapyfi)_.*")
             .allowlist_var("(RMW|WRAPYFI)_.*")
             .allowlist_type("rmw_.*")
             .default_enum_style(bindgen::EnumVariation::Consts)
-            .rust_edition(bindgen::RustEdition::Edition2024)
             .prepend_enum_name(false)
             .derive_default(true)
             .generate_comments(false)
             .layout_tests(false)
             .generate()
             .expect("the headers of rmw cannot be read: see clang's messages above")
-            .write_to_file(out.join("rmw.rs"))
-            .expect("OUT_DIR cannot be written");
+            .to_string();
+        // As edition 2024 asks for it, which this version of bindgen does not know.
+        let bindings = bindings.replace("extern \"C\" {", "unsafe extern \"C\" {");
+        std::fs::write(out.join("rmw.rs"), bindings).expect("OUT_DIR cannot be written");
     }
 
     fn compile(includes: &[PathBuf], version: &str) {
