@@ -2,7 +2,7 @@
 
 use std::pin::Pin;
 
-/// What a task does.
+/// Work of a task, in a box.
 pub type Task = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 /// Makes a task of a future. What tokio needs to run one is compiled for each type of future, and so once for all of these.
