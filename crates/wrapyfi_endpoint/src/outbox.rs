@@ -194,7 +194,8 @@ impl<M: Pieces> Outbox<M> {
         Ok(true)
     }
 
-    /// Takes note that the next `count` bytes of what waits are written. `sent` is given each message that is written whole.
+    /// Takes note that the next `count` bytes of what waits are written by another than [`Self::write`]; bytes beyond that
+    /// do not count. `sent` is given each message that is written whole.
     pub fn note_written(&mut self, count: usize, mut sent: impl FnMut(&M)) {
         if count == 0 {
             return;
@@ -210,6 +211,9 @@ impl<M: Pieces> Outbox<M> {
             left = rest;
         }
         self.share.give(bytes);
+        if self.waiting.is_empty() {
+            left = 0;
+        }
         (self.written, self.has_begun) = (left, left > 0);
         self.moved_at = Some(Instant::now());
     }

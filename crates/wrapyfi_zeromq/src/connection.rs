@@ -77,7 +77,7 @@ pub(super) trait SocketRole: Sized + Send + 'static {
         None
     }
 
-    /// Number whose change is news for the owner.
+    /// Number whose change is news for the owner, who may read it back.
     fn seen(&self, _connection: &Connection) -> usize {
         0
     }
@@ -379,9 +379,11 @@ impl Connection {
     }
 
     /// Takes into `batch` what waits, for the I/O thread to write without the socket's lock into the connection that is
-    /// returned, with the number of bytes of it that are written already; `None` where nothing waits, or there is no room or no
-    /// descriptor for it. [`Self::end_flush`] has to follow.
+    /// returned, with the number of bytes of it that are written already; `None` where nothing waits, or there is no room
+    /// or no descriptor for it. [`Self::end_flush`] has to follow.
     pub(super) fn begin_flush(&mut self, batch: &mut Batch) -> Option<(Arc<TcpStream>, usize)> {
+        // A panic may have ended the flush before.
+        self.is_flushing = false;
         let Way::Up(peer) = &mut self.way else { return None };
         if !peer.is_open() || peer.is_blocked || peer.outbox.is_empty() {
             return None;

@@ -43,7 +43,7 @@ const COMMANDS: Token = Token(usize::MAX);
 /// Events taken at once.
 const EVENTS: usize = 256;
 
-/// Calls for one burst before the others have their turn.
+/// Writes of one burst in a row, after which the other endpoints have their turn.
 const BATCHES: usize = 4;
 
 /// Access of the endpoints to the I/O thread, which they may outlive.

@@ -26,7 +26,8 @@ pub(super) struct Message {
     pub(super) parts: Parts,
     /// Size of the parts.
     bytes: usize,
-    /// Topic and size as its publisher counts it; none for what the broker says itself.
+    /// Topic, empty where the connection is for one topic, and size as its publisher counts it; none for what the broker
+    /// says itself.
     pub(super) of: Option<(Bytes, usize)>,
     /// Fingerprint by which it is known again when it comes back, where a program here listens.
     pub(super) print: Option<Fingerprint>,
@@ -81,12 +82,13 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    /// Takes the first messages that wait, which stay in the queue until they are written.
+    /// Takes the first messages that wait in place of those before; they stay in the queue until they are written.
     pub(super) fn take(&mut self, outbox: &Outbox<Outgoing>) {
+        self.messages.clear();
         self.messages.extend(outbox.iter().take(BATCH_MESSAGES).cloned());
     }
 
-    /// Bytes to write, of which `written` are written already; the largest messages are cut.
+    /// Bytes to write, behind the first `written`; what is too much for one call stays for the next.
     pub(super) fn bytes(&mut self, written: usize) -> &[u8] {
         self.bytes.clear();
         let mut skip = written;
@@ -141,5 +143,38 @@ impl Message {
     pub(super) fn loss(&self, reason: DropReason, listener: SocketAddr) -> Loss {
         let first = if self.missed.swap(true, Relaxed) { None } else { self.of.clone() };
         Loss { reason, listener, first }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_endpoint::Overflow;
+
+    #[test]
+    fn a_batch_goes_on_where_the_one_before_ended() {
+        let (mut outbox, mut batch) = (Outbox::default(), Batch::default());
+        let small = (0..200_usize).map(|n| vec![vec![n as u8; n % 9], vec![7; n % 5]]);
+        let large = vec![vec![1; 3], vec![2; 5000], vec![3; BATCH_BYTES + 1000]];
+        for frames in small.chain([large, vec![vec![4; 10]]]) {
+            let message = Message::new(frames, false, Some((Bytes::new(), 1)), None);
+            let message = Outgoing::Message(message, None);
+            outbox.push(message, 999, Overflow::DropNewest, drop).unwrap();
+        }
+        let whole: Vec<u8> = outbox.iter().flat_map(Outgoing::pieces).flatten().copied().collect();
+        let (mut written, mut sent) = (Vec::new(), 0);
+        for count in [1, 2, 4, 3, 700, 11, 65_536, 5000].into_iter().cycle() {
+            batch.take(&outbox);
+            let bytes = batch.bytes(outbox.written());
+            assert!(bytes.len() <= BATCH_BYTES);
+            let bytes = &bytes[..count.min(bytes.len())];
+            written.extend_from_slice(bytes);
+            outbox.note_written(bytes.len(), |_| sent += 1);
+            if outbox.is_empty() {
+                break;
+            }
+        }
+        assert!(written == whole, "{} of {} bytes", written.len(), whole.len());
+        assert_eq!((sent, outbox.sent().1), (202, whole.len() as u64));
     }
 }

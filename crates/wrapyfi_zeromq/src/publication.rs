@@ -48,12 +48,12 @@ pub(super) struct Audience {
 }
 
 impl Audience {
-    /// The same as a number.
+    /// Number as which a socket keeps an audience: twice the subscriptions, and one where the broker is in this process.
     fn number(&self) -> usize {
         2 * self.subscriptions + usize::from(self.is_inside)
     }
 
-    /// That with this number.
+    /// Audience that a socket keeps as `number`.
     fn of(number: usize) -> Self {
         Self { subscriptions: number / 2, is_inside: number % 2 == 1 }
     }
@@ -115,7 +115,7 @@ impl PublicationSocket {
         frames: Vec<Vec<u8>>,
         bytes: usize,
     ) -> Result<bool, DropReason> {
-        // It may be back before it is sent as a whole.
+        // The message may be back before it is sent as a whole, and its token is there by then.
         let print = self.own.remember(&frames, &self.context.clock);
         let sent = match audience.is_inside {
             true => self.pass(frames),
@@ -132,11 +132,11 @@ impl PublicationSocket {
         bytes: usize,
         print: Option<Fingerprint>,
     ) -> Result<bool, DropReason> {
-        // Its topic is the connection's.
         let message = Message::new(frames, self.is_sealed, Some((Bytes::new(), bytes)), print);
         let put = |role: &mut Publication, connection: &mut Connection| {
             let peer = connection.peer_mut().filter(|peer| takes_messages(peer));
-            let peer = peer.ok_or(DropReason::SendFailed)?;
+            // A broker that has just come into this process is given the next: it would be there first.
+            let peer = peer.filter(|_| role.inside.is_none()).ok_or(DropReason::SendFailed)?;
             peer.queue(&message, role.hwm).map(|()| peer.is_refused)
         };
         if bytes <= SMALL_BYTES { self.send_small(put) } else { self.send(put) }

@@ -239,7 +239,7 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
 pub(super) fn encode<F: AsRef<[u8]> + Into<Bytes>>(frames: Vec<F>) -> Parts {
     let sizes = frames.iter().map(|body| body.as_ref().len());
-    // Memory of just its size is taken over as it is.
+    // `Bytes` takes over a `Vec` without room to spare, and no memory has to be had for that.
     let size = sizes.map(|size| header_size(size) + if size <= COPIED { size } else { 0 }).sum();
     let (mut head, mut parts, count) = (Vec::with_capacity(size), Parts::new(), frames.len());
     for (index, body) in frames.into_iter().enumerate() {

@@ -117,7 +117,8 @@ impl Endpoints {
         let mut endpoints = Self::default();
         let before = before_routes(text);
         let read = |section: Box<dyn Section>| match section.read(before) {
-            // The remedy may depend on what follows.
+            // The cut may be within braces or a quoted text, and a remedy may depend on what follows: with a fault, the
+            // whole text decides.
             reading if !reading.problems.is_empty() && before != text => section.read(text),
             reading => reading,
         };
@@ -351,8 +352,13 @@ pub(super) fn of_start(name: &str, error: StartError) -> Failure {
     }
 }
 
-/// Text before its routes, where nothing stands behind them: a thousand routes are read once, and not again by each section.
+/// Text before its routes, where nothing stands behind them: a thousand routes are read once, and not again by each
+/// section.
 fn before_routes(text: &str) -> &str {
+    // A carriage return alone ends a line of YAML too.
+    if text.contains('\r') {
+        return text;
+    }
     let is_route = |line: &str| {
         line.trim_end().is_empty()
             || line.starts_with([' ', '#'])
@@ -416,6 +422,17 @@ mod tests {
         ];
         for whole in behind {
             assert_eq!(before_routes(whole), whole);
+        }
+        let at = "yarp: { port: 4711 }";
+        let route = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]";
+        for text in [
+            format!("endpoints: {{ {at} }}\n{route}\n"),
+            format!("{{ endpoints: {{ {at} }},\n{route} }}\n"),
+            format!("{route}\nendpoints: {{ {at} }}\n"),
+            format!("{route}\rendpoints: {{ {at} }}\r"),
+        ] {
+            let read = super::super::load_text(&text, "test").unwrap().endpoints;
+            assert_eq!(read.said("yarp.port").as_deref(), Some("4711"), "{text:?}");
         }
     }
 }
