@@ -321,7 +321,7 @@ mod tests {
         let gap_us = |count| if count % 16 == 0 { 400 } else { 3 };
         assert!((0..100).all(|count| come(&mut burst, gap_us(count))), "it waits for answers");
         assert!(!come(&mut burst, 1_000_000), "the first after a pause");
-        let some = |burst: &mut Burst| [990, 2, 2, 2, 2].map(|gap_us| come(burst, gap_us));
+        let mut some = |burst: &mut Burst| [990, 2, 2, 2, 2].map(|gap_us| come(burst, gap_us));
         assert!((0..100).map(|_| some(&mut burst)).all(|all| all == [false; 5]), "some at 1 kHz");
     }
 }

@@ -423,7 +423,7 @@ mod tests {
         for whole in behind {
             assert_eq!(before_routes(whole), whole);
         }
-        let at = "yarp: { port: 4711 }";
+        let at = "zeromq: { pub_port: 4711 }";
         let route = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]";
         for text in [
             format!("endpoints: {{ {at} }}\n{route}\n"),
@@ -432,7 +432,7 @@ mod tests {
             format!("{route}\rendpoints: {{ {at} }}\r"),
         ] {
             let read = super::super::load_text(&text, "test").unwrap().endpoints;
-            assert_eq!(read.said("yarp.port").as_deref(), Some("4711"), "{text:?}");
+            assert_eq!(read.said("zeromq.pub_port").as_deref(), Some("4711"), "{text:?}");
         }
     }
 }
