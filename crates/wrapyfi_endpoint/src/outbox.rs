@@ -194,13 +194,12 @@ impl<M: Pieces> Outbox<M> {
         Ok(true)
     }
 
-    /// Takes note that the next `count` bytes of what waits are written by another than [`Self::write`]; bytes beyond that
-    /// do not count. `sent` is given each message that is written whole.
+    /// Takes note that the next `count` bytes of what waits are written; bytes beyond that do not count. `sent` is given
+    /// each message that is written whole.
     pub fn note_written(&mut self, count: usize, mut sent: impl FnMut(&M)) {
         if count == 0 {
             return;
         }
-        self.bytes += count as u64;
         let (mut left, mut bytes) = (self.written + count, 0);
         while let Some(first) = self.waiting.front()
             && let Some(rest) = left.checked_sub(first.pieces().map(<[u8]>::len).sum())
@@ -211,9 +210,8 @@ impl<M: Pieces> Outbox<M> {
             left = rest;
         }
         self.share.give(bytes);
-        if self.waiting.is_empty() {
-            left = 0;
-        }
+        let beyond = if self.waiting.is_empty() { std::mem::take(&mut left) } else { 0 };
+        self.bytes += count.saturating_sub(beyond) as u64;
         (self.written, self.has_begun) = (left, left > 0);
         self.moved_at = Some(Instant::now());
     }

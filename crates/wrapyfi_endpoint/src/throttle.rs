@@ -23,6 +23,8 @@ use std::time::{Duration, Instant};
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct Throttle {
+    /// Number of complaints that pass before the throttle begins.
+    free: u32,
     last: Option<Instant>,
     silent: u64,
 }
@@ -31,8 +33,25 @@ impl Throttle {
     /// Least time between two lines.
     pub const EVERY: Duration = Duration::from_secs(5);
 
+    /// A throttle that begins after so many complaints, all of which pass.
+    ///
+    /// ```
+    /// use std::time::Instant;
+    /// use wrapyfi_endpoint::Throttle;
+    /// let (mut reasons, now) = (Throttle::after(2), Instant::now());
+    /// let passed = [reasons.pass(now), reasons.pass(now), reasons.pass(now), reasons.pass(now)];
+    /// assert_eq!(passed, [Some(0), Some(0), Some(0), None]);
+    /// ```
+    pub fn after(free: u32) -> Self {
+        Self { free, ..Self::default() }
+    }
+
     /// Counts a complaint. `Some(n)` where it is to be logged, n complaints before it not having been.
     pub fn pass(&mut self, now: Instant) -> Option<u64> {
+        if let Some(left) = self.free.checked_sub(1) {
+            self.free = left;
+            return Some(0);
+        }
         if self.due().is_some_and(|at| now < at) {
             self.silent = self.silent.saturating_add(1);
             return None;

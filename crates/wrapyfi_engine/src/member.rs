@@ -82,13 +82,11 @@ struct Slot {
     backoff: Backoff,
     /// Throttle for log lines of a state that stays the same while its reason changes.
     reasons: Throttle,
-    /// Number of such lines that pass before it: a start changes its reason several times within a moment, and a log that
-    /// kept back the last one would tell for seconds of what is over.
-    first_reasons: u32,
 }
 
-/// Such lines of a route: a start behind another route waits for that one, then for a server, then for a program. The first
-/// is no change, and the throttle passes one more.
+/// Number of such lines that pass before the throttle begins: a start changes its reason several times within a moment, and
+/// a log that kept back the last one would tell for seconds of what is over. One behind another route waits for that one,
+/// then for a server, then for a program. The first is no change, and the throttle passes one more.
 const FIRST_REASONS: u32 = 2;
 
 /// Orders that wait for the next step; a later one takes the place of one of its kind.
@@ -159,8 +157,7 @@ impl Member {
                 reopen_at: None,
                 panicked_at: None,
                 backoff: Backoff::new(id),
-                reasons: Throttle::default(),
-                first_reasons: FIRST_REASONS,
+                reasons: Throttle::after(FIRST_REASONS),
             }),
             orders: Mutex::default(),
             is_ordered: AtomicBool::new(false),
@@ -331,9 +328,6 @@ impl Member {
             let is_first = slot.last_published.state == self.identity.state;
             let passes = if is_first || slot.last_published.state.word() != state.word() {
                 Some(slot.reasons.finish().unwrap_or(0))
-            } else if let Some(left) = slot.first_reasons.checked_sub(1) {
-                slot.first_reasons = left;
-                Some(0)
             } else {
                 slot.reasons.pass(now)
             };
