@@ -29,7 +29,7 @@ use crate::report::{Row, Target, quantile};
 use crate::turn::Bench;
 
 /// Turns of each side.
-const ROUNDS: usize = 15;
+const ROUNDS: usize = 61;
 /// Messages of a turn: one under way at a time, and all at once.
 const ALONE: u32 = 2_000;
 const BURST: u32 = 1_000;

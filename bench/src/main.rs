@@ -38,8 +38,8 @@ use wire::{Place, Wire};
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
 struct Cli {
-    /// Rounds, in each of which every way has one turn with every payload.
-    #[arg(long, default_value_t = 9)]
+    /// Rounds, in each of which every way has one turn with every payload; in a whole run what decides no promise has one in every third.
+    #[arg(long, default_value_t = 15)]
     rounds: u32,
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
     #[arg(long)]
@@ -167,6 +167,7 @@ fn run(cli: &Cli) -> Result<()> {
         loads.push(proc::load());
         // Backwards in every other round: a drift of the machine meets all alike.
         let mut order = cases.clone();
+        order.retain(|case| only.is_some() || ways::has_turn(*case, round));
         if round % 2 == 0 {
             order.reverse();
         }

@@ -44,7 +44,7 @@ use crate::report::Limit::{AtLeast, AtMost, Shown};
 use crate::report::{Row, Target, quantile};
 
 /// Rounds of what is measured by turns, and the least time of one.
-const ROUNDS: usize = 41;
+const ROUNDS: usize = 81;
 const ROUND: Duration = Duration::from_millis(30);
 
 /// Estimates of criterion, and rounds of what is measured by turns.

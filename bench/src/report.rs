@@ -17,6 +17,10 @@ use crate::proc;
 const BEGIN: &str = "<!-- make bench writes from here -->";
 const END: &str = "<!-- to here -->";
 
+/// First line of `history.csv`.
+const COLUMNS: &str =
+    "date,commit_or_version,machine,area,what,unit,limit,found,low,high,verdict,conditions\n";
+
 /// Bound that was promised for a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Limit {
@@ -281,6 +285,9 @@ impl Run {
             _ = writeln!(text, "{}", cells.join(","));
         }
         let mut file = fs::OpenOptions::new().append(true).create(true).open(file)?;
+        if file.metadata()?.len() == 0 {
+            text.insert_str(0, COLUMNS);
+        }
         Ok(file.write_all(text.as_bytes())?)
     }
 }
@@ -355,7 +362,7 @@ mod tests {
         run.append(&file, &targets[..1]).unwrap();
         run.append(&file, &targets[1..]).unwrap();
         assert_eq!(
-            fs::read_to_string(&file).unwrap(),
+            fs::read_to_string(&file).unwrap().strip_prefix(COLUMNS).unwrap(),
             "2026,abc,\"2 cores, small\",zeromq,\"a \"\"hop\"\"\",us,<= 1.43,1,0.9,1.23,met,quiet\n\
              2026,abc,\"2 cores, small\",zeromq,b,us,,2,,,,of 3; quiet\n"
         );

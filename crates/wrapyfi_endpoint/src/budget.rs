@@ -6,7 +6,7 @@
 //!
 //! Each peer or queue has a share. One share may take a quarter of the budget; when all together
 //! hold more than the budget, those that hold more than the average are refused first. There are no
-//! locks: a message costs two atomic additions.
+//! locks: a message costs three atomic operations.
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
@@ -33,6 +33,8 @@ pub const PROGRESS: Duration = Duration::from_secs(30);
 pub struct Budget {
     limit: AtomicUsize,
     used: AtomicUsize,
+    /// Most bytes since [`Budget::take_peak`] was called last.
+    peak: AtomicUsize,
     /// Number of shares that hold any bytes.
     holders: AtomicUsize,
     /// Budget of which this one is a part, and how many such parts it has.
@@ -48,6 +50,7 @@ impl Budget {
         Self {
             limit: AtomicUsize::new(limit),
             used: AtomicUsize::new(0),
+            peak: AtomicUsize::new(0),
             holders: AtomicUsize::new(0),
             whole: None,
         }
@@ -73,7 +76,9 @@ impl Budget {
         if let Some((whole, _)) = self.whole {
             whole.add(bytes);
         }
-        self.used.fetch_add(bytes, Relaxed).saturating_add(bytes)
+        let used = self.used.fetch_add(bytes, Relaxed).saturating_add(bytes);
+        self.peak.fetch_max(used, Relaxed);
+        used
     }
 
     fn remove(&self, bytes: usize) {
@@ -91,6 +96,12 @@ impl Budget {
     /// Number of bytes that wait.
     pub fn used(&self) -> usize {
         self.used.load(Relaxed)
+    }
+
+    /// Most bytes that waited since the last call, or wait now.
+    pub(super) fn take_peak(&self) -> usize {
+        let used = self.used();
+        self.peak.swap(used, Relaxed).max(used)
     }
 }
 
@@ -231,5 +242,14 @@ mod tests {
         assert!(shares[4].take(5), "over the budget, but below the average of 20");
         assert!(shares[4].take(5));
         assert!(!shares[0].take(1), "above the average");
+    }
+
+    #[test]
+    fn the_peak_is_of_the_time_since_it_was_asked_for() {
+        static BUDGET: Budget = Budget::new(100);
+        let share = Share::of(&BUDGET);
+        assert!(share.take(70));
+        share.give(60);
+        assert_eq!([BUDGET.take_peak(), BUDGET.take_peak(), BUDGET.used()], [70, 10, 10]);
     }
 }

@@ -1,7 +1,7 @@
 //! Memory goes back to the system once much of what waited in this process is gone, and once its start is over.
 //!
 //! ```text
-//!   bytes that wait, and of routes:  much ──▶ a quarter of it, for two seconds ──▶ malloc_trim, once
+//!   most bytes that waited, and of routes:  much ──▶ half of it, for two seconds ──▶ malloc_trim, once
 //!   large buffers:  mapped one by one ──▶ the first large message, or the end of the start: kept for the next
 //! ```
 //!
@@ -74,8 +74,9 @@ pub fn note_routes(count: usize) {
     ROUTES.store(count, Ordering::Relaxed);
 }
 
-/// Looks how much waits in this process and how many routes are open, and gives memory back where it was much more, or
-/// where the start is over. Threads that run for as long as the program does call it about twice a second.
+/// Looks how much has waited in this process since the last look and how many routes are open, and gives memory back where it
+/// was twice as much or more, or where the start is over: of a stream that stalled for a moment the buffers that waited then are
+/// not kept for as long as it runs. Threads that run for as long as the program does call it about twice a second.
 pub fn give_memory_back(now: Instant) {
     let Some(mut looks) = LOOKS.try_lock() else { return };
     let started = looks.start.is_over(now);
@@ -83,8 +84,8 @@ pub fn give_memory_back(now: Instant) {
     if started && STARTS_SMALL.load(Ordering::Relaxed) {
         keep_large();
     }
-    let used = WAITING.used() + ROUTES.load(Ordering::Relaxed) * OF_ROUTE;
-    if looks.has_fallen(used, now) || started {
+    let peak = WAITING.take_peak() + ROUTES.load(Ordering::Relaxed) * OF_ROUTE;
+    if looks.has_fallen(peak, now) || started {
         trim();
     }
 }
@@ -112,20 +113,20 @@ impl Start {
     }
 }
 
-/// Most bytes that waited at one of the looks.
+/// Most bytes that waited before one of the looks.
 #[derive(Debug)]
 struct Looks {
     most: usize,
-    /// Time since when it is less than a quarter of that.
+    /// Time since when it is no more than half of that.
     less_since: Option<Instant>,
     start: Start,
 }
 
 impl Looks {
-    /// True once after much has waited and is gone.
-    fn has_fallen(&mut self, used: usize, now: Instant) -> bool {
-        if used > self.most / 4 {
-            self.most = self.most.max(used);
+    /// True once after much has waited and half of it or more is gone; `peak` is what waited at most since the last look.
+    fn has_fallen(&mut self, peak: usize, now: Instant) -> bool {
+        if peak > self.most / 2 {
+            self.most = self.most.max(peak);
             self.less_since = None;
             return false;
         }
@@ -133,7 +134,7 @@ impl Looks {
         if now.saturating_duration_since(less_since) < QUIET {
             return false;
         }
-        let most = std::mem::replace(&mut self.most, used);
+        let most = std::mem::replace(&mut self.most, peak);
         self.less_since = None;
         most >= MUCH
     }
@@ -181,14 +182,15 @@ mod tests {
         let mut looks = Looks { most: 0, less_since: None, start: Start::Over };
         let begin = Instant::now();
         let mut at =
-            |used: usize, ms: u64| looks.has_fallen(used, begin + Duration::from_millis(ms));
+            |peak: usize, ms: u64| looks.has_fallen(peak, begin + Duration::from_millis(ms));
         assert!(!at(4 * MUCH, 0));
-        assert!(!at(MUCH, 500), "it falls");
+        assert!(!at(2 * MUCH, 500), "it falls");
         assert!(!at(3 * MUCH, 1000), "and comes back");
-        assert!(!at(MUCH, 2000) && !at(0, 3500));
-        assert!(at(0, 4000));
-        assert!(!at(0, 6000) && !at(0, 9000), "once");
-        assert!(!at(MUCH / 2, 10_000) && !at(0, 11_000) && !at(0, 14_000), "little has waited");
+        assert!(!at(MUCH, 2000) && !at(2 * MUCH, 3500), "a stream goes on with half of it");
+        assert!(at(MUCH, 4000));
+        assert!(!at(MUCH, 6000) && !at(MUCH, 9000), "once");
+        assert!(!at(0, 9500) && at(0, 11_500), "the rest goes, too");
+        assert!(!at(MUCH / 2, 12_000) && !at(0, 13_000) && !at(0, 16_000), "little has waited");
     }
 
     #[test]

@@ -15,16 +15,22 @@ use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 
 use super::marks::{self, Marks};
-use super::master::{MasterError, Owners, SystemState};
+use super::master::{
+    Master, MasterResult, Owners, PARAMETER, Repeated, SYSTEM_STATE, SystemState, TOPIC_TYPES,
+    if_granted, shaped,
+};
 use super::node::Node;
 use super::node_parameters;
 use super::peer_types;
-use super::presence::Presence;
+use super::presence::{Orphans, Presence};
+use super::xmlrpc::text;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Mutex, Named, Role};
 
 /// Time between two looks: the master announces no changes.
 pub(super) const LOOK: Duration = Duration::from_millis(250);
+/// Time after the last change in which every look does all its work: questions to nodes that have just gone are answered by then.
+const CALM_AFTER: Duration = Duration::from_secs(15);
 /// Time between two looks at the names of parameters.
 const PARAMETERS: Duration = Duration::from_secs(1);
 
@@ -42,6 +48,16 @@ struct Seen {
     endpoints: Vec<Discovered>,
     /// Cause for which nothing is seen.
     fault: Option<Cause>,
+}
+
+impl Seen {
+    /// Notes what a look found: other endpoints than before, if any.
+    fn note(&mut self, endpoints: Option<Vec<Discovered>>, fault: Option<Cause>) {
+        (self.asked, self.fault) = (true, fault);
+        if let Some(endpoints) = endpoints {
+            self.endpoints = endpoints;
+        }
+    }
 }
 
 impl Ros1Discovery {
@@ -62,56 +78,121 @@ impl Ros1Discovery {
 }
 
 async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
-    let (mut presence, mut keys) = (Presence::default(), Keys::default());
+    let (mut told, mut presence, mut keys) =
+        (Told::default(), Presence::default(), Keys::default());
     loop {
         let Some(node) = node.upgrade() else { return };
-        let now = match look(&node, &mut presence, &mut keys).await {
-            Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
-            Err(error) => Seen {
-                asked: true,
-                endpoints: Vec::new(),
-                fault: Some(error.cause(&node.master.uri)),
-            },
-        };
+        let looked = look(&node, &mut told, &mut presence, &mut keys).await;
+        let fault = looked.as_ref().err().map(|error| error.cause(&node.master.uri));
+        // Endpoints that are not seen any more are listed anew when they are.
+        told.is_newer |= fault.is_some();
         drop(node);
-        *seen.lock() = now;
+        seen.lock().note(looked.unwrap_or_else(|_told| Some(Vec::new())), fault);
         tokio::time::sleep(LOOK).await;
     }
 }
 
 /// Names of the parameters, and when the master told them.
-type Keys = Option<(Instant, BTreeSet<String>)>;
+#[derive(Default)]
+struct Keys {
+    asked_at: Option<Instant>,
+    names: BTreeSet<String>,
+}
 
+impl Keys {
+    /// Asks the master now and again; true where the names are others. There may be thousands. A master without a parameter
+    /// server has none.
+    async fn ask(&mut self, master: &Master) -> bool {
+        if self.asked_at.is_some_and(|at| at.elapsed() < PARAMETERS) {
+            return false;
+        }
+        let names = master.param_names().await.unwrap_or_default().into_iter().collect();
+        self.asked_at = Some(Instant::now());
+        let before = std::mem::replace(&mut self.names, names);
+        before != self.names
+    }
+}
+
+/// What the master told last: of a system that stands still it is the same, four times a second.
+#[derive(Default)]
+struct Told {
+    types: Repeated<BTreeMap<String, String>>,
+    state: Repeated<SystemState>,
+    marks: Repeated<Marks>,
+    /// True where one of them is newer than `listed`.
+    is_newer: bool,
+    /// Time at which `listed` became another.
+    changed_at: Option<Instant>,
+    /// Endpoints that all three tell of.
+    listed: Vec<Discovered>,
+    /// Those that exist, and the actions that they are: without parameters.
+    found: Vec<Discovered>,
+}
+
+impl Told {
+    /// Asks the master; true where `listed` is another, or was until a moment ago.
+    async fn ask(&mut self, node: &Node) -> MasterResult<bool> {
+        let Self { types, state, marks, is_newer, listed, .. } = self;
+        let pairs = |reply| {
+            let pairs: Vec<(String, String)> = shaped(TOPIC_TYPES, reply)?;
+            Ok(pairs.into_iter().collect())
+        };
+        let read_marks = |reply| Ok(marks::read(if_granted(reply).as_ref()));
+        let master = &node.master;
+        let namespace = [text(marks::NAMESPACE)];
+        // Each by itself: one of them may fail behind another that is new.
+        *is_newer |= master.ask_again(types, TOPIC_TYPES, [], pairs).await?;
+        *is_newer |= master.ask_again(state, SYSTEM_STATE, [], SystemState::of).await?;
+        *is_newer |= master.ask_again(marks, PARAMETER, namespace, read_marks).await?;
+        if *is_newer
+            && let (Some((_, types)), Some((_, state)), Some((_, marks))) = (types, state, marks)
+        {
+            *listed = endpoints(state, types, marks, node.name.full());
+        }
+        if std::mem::take(is_newer) {
+            self.changed_at = Some(Instant::now());
+        }
+        Ok(self.changed_at.is_none_or(|at| at.elapsed() < CALM_AFTER))
+    }
+}
+
+/// Endpoints that exist; `None` where they are the same as at the last look.
 async fn look(
     node: &Arc<Node>,
+    told: &mut Told,
     presence: &mut Presence,
     keys: &mut Keys,
-) -> Result<Vec<Discovered>, MasterError> {
-    let types: BTreeMap<String, String> = node.master.topic_types().await?.into_iter().collect();
-    let state = node.master.system_state().await?;
-    let marks = marks::read(node.master.get_param(marks::NAMESPACE).await?.as_ref());
-    let listed = endpoints(state, &types, &marks, node.name.full());
-    let (mut found, orphans) = presence.sift(&node.core, listed);
+) -> MasterResult<Option<Vec<Discovered>>> {
+    let is_newer = told.ask(node).await?;
+    let sifted = presence.sift(&node.core, &told.listed, is_newer);
+    let has_other_keys = keys.ask(&node.master).await;
+    if sifted.is_none() && !has_other_keys {
+        return Ok(None);
+    }
+    if let Some((found, orphans)) = sifted {
+        told.found = found;
+        note(node, told, orphans);
+    }
+    let mut found = told.found.clone();
+    node_parameters::add(&mut found, &keys.names);
+    Ok(Some(found))
+}
+
+/// Notes endpoints that are others than before, and enters the actions that they are.
+fn note(node: &Node, told: &mut Told, orphans: Orphans) {
+    let found = &mut told.found;
     node.set_orphans(orphans);
     let there: BTreeSet<(Role, &str, &str)> = found
         .iter()
         .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
         .collect();
     peer_types::keep_only(node, |role, name, node| there.contains(&(role, name, node)));
-    let actions = actions(&found, &marks);
+    let none = Marks::new();
+    let actions = actions(found, told.marks.as_ref().map_or(&none, |(_, marks)| marks));
     let clients = actions.iter().filter(|one| one.role == Role::ActionClient);
     let clients = clients.filter_map(|one| Some((one.name.clone(), one.node.clone()?)));
     *node.action_clients.lock() = clients.collect();
     found.extend(actions);
-    // There may be thousands. A master without a parameter server has none.
-    if keys.as_ref().is_none_or(|(at, _)| at.elapsed() >= PARAMETERS) {
-        let names = node.master.param_names().await.unwrap_or_default();
-        *keys = Some((Instant::now(), names.into_iter().collect()));
-    }
-    if let Some((_, keys)) = keys {
-        node_parameters::add(&mut found, keys);
-    }
-    Ok(found)
 }
 
 /// Servers and clients of actions: nodes that have all five topics of one.
@@ -150,23 +231,23 @@ pub(super) fn action_type(result_type: &str) -> Option<&str> {
 
 /// Everything that is not of the node `own`.
 fn endpoints(
-    state: SystemState,
+    state: &SystemState,
     types: &BTreeMap<String, String>,
     marks: &Marks,
     own: &str,
 ) -> Vec<Discovered> {
     let SystemState { publishers, subscribers, services } = state;
     let mut all = Vec::new();
-    let mut add = |owners: Owners, role: Role| {
+    let mut add = |owners: &Owners, role: Role| {
         for (name, nodes) in owners {
-            let known = types.get(&name).filter(|name| *name != "*");
+            let known = types.get(name).filter(|name| *name != "*");
             let type_name = if role == Role::Server { None } else { known };
-            for node in nodes.into_iter().filter(|node| node != own) {
+            for node in nodes.iter().filter(|node| *node != own) {
                 all.push(Discovered {
                     type_name: type_name.cloned(),
                     mark: marks.get(&(role, name.clone(), node.clone())).cloned(),
-                    node: Some(node),
-                    ..Discovered::new(&name, role)
+                    node: Some(node.clone()),
+                    ..Discovered::new(name, role)
                 });
             }
         }
@@ -225,7 +306,7 @@ mod tests {
         let mark = BridgeMark { bridge: 7, path: Vec::new() };
         let key = (Role::ActionServer, "/a".to_owned(), "/server".to_owned());
         let marks = Marks::from([(key, mark.clone())]);
-        let found = endpoints(state, &types.into(), &marks, "/own");
+        let found = endpoints(&state, &types.into(), &marks, "/own");
         let found = actions(&found, &marks);
         let short = found.iter().map(|one| {
             let node = one.node.as_deref().unwrap_or_default();
@@ -252,7 +333,7 @@ mod tests {
         };
         let types =
             [("/b", "std_msgs/String"), ("/a", "*")].map(|(a, b)| (a.to_owned(), b.to_owned()));
-        let found = endpoints(state, &types.into(), &Marks::new(), "/own");
+        let found = endpoints(&state, &types.into(), &Marks::new(), "/own");
         let short = found.iter().map(|one| {
             let node = one.node.as_deref().unwrap_or_default();
             (one.name.as_str(), one.role, one.type_name.as_deref(), node)

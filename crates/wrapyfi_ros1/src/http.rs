@@ -53,9 +53,26 @@ pub(super) type HttpResult<T> = Result<T, HttpError>;
 
 /// Calls a method of the node at `uri`.
 pub(super) async fn call(uri: &NodeUri, method: &str, params: Vec<Value>) -> HttpResult<Reply> {
+    decode(uri, &call_undecoded(uri, method, params).await?)
+}
+
+/// Reads the answer of a call of the node at `uri`.
+pub(super) fn decode(uri: &NodeUri, answer: &[u8]) -> HttpResult<Reply> {
+    xmlrpc::decode_reply(answer).map_err(|fault| of_fault(uri, &fault))
+}
+
+fn of_fault(uri: &NodeUri, fault: &XmlRpcError) -> HttpError {
+    HttpError { uri: uri.to_string(), what: format!("answered: {fault}"), is_refused: false }
+}
+
+/// As [`call`]; the answer as it came.
+pub(super) async fn call_undecoded(
+    uri: &NodeUri,
+    method: &str,
+    params: Vec<Value>,
+) -> HttpResult<Bytes> {
     let failed = |what, is_refused| HttpError { uri: uri.to_string(), what, is_refused };
-    let answered = |fault: XmlRpcError| failed(format!("answered: {fault}"), false);
-    let body = xmlrpc::encode_call(method, params).map_err(answered)?;
+    let body = xmlrpc::encode_call(method, params).map_err(|fault| of_fault(uri, &fault))?;
     let posted = timeout(CALL, async {
         let _place = tcpros::place_to_open(&uri.host, uri.port).await;
         let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
@@ -65,8 +82,7 @@ pub(super) async fn call(uri: &NodeUri, method: &str, params: Vec<Value>) -> Htt
         post(stream, uri, body).await.map_err(|what| failed(what, false))
     });
     let late = || format!("did not answer {method} within {} s", CALL.as_secs());
-    let bytes = posted.await.map_err(|_elapsed| failed(late(), false))??;
-    xmlrpc::decode_reply(&bytes).map_err(answered)
+    posted.await.map_err(|_elapsed| failed(late(), false))?
 }
 
 async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, String> {

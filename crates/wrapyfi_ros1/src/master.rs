@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use bytes::Bytes;
 use dxr::TryFromValue;
 use wrapyfi_endpoint::{Cause, Named};
 
@@ -42,6 +43,14 @@ pub enum MasterError {
         actual: String,
     },
 }
+
+/// Methods that are asked again and again.
+pub(super) const SYSTEM_STATE: &str = "getSystemState";
+pub(super) const TOPIC_TYPES: &str = "getTopicTypes";
+pub(super) const PARAMETER: &str = "getParam";
+
+/// Last answer to a question that is asked again and again, and what was read from it.
+pub(super) type Repeated<T> = Option<(Bytes, T)>;
 
 /// Result of asking the master.
 pub(super) type MasterResult<T> = Result<T, MasterError>;
@@ -103,8 +112,7 @@ impl Master {
         method: &'static str,
         params: impl IntoIterator<Item = Value>,
     ) -> MasterResult<Value> {
-        let Reply { status, text: reason, value } = self.raw(method, params).await?;
-        if status == SUCCESS { Ok(value) } else { Err(MasterError::Refused { method, reason }) }
+        granted(method, self.raw(method, params).await?)
     }
 
     /// [`Self::ask`] for a value of the shape `T`.
@@ -113,8 +121,25 @@ impl Master {
         method: &'static str,
         params: impl IntoIterator<Item = Value>,
     ) -> MasterResult<T> {
-        let value = self.ask(method, params).await?;
-        T::try_from_value(&value).map_err(|_shape| odd(method, &value))
+        shaped(method, self.raw(method, params).await?)
+    }
+
+    /// Calls a method whose answer is the same as `last` nearly every time. True where it is another one, which is read by
+    /// `read` and kept: the lists of a large system are not taken apart to learn that nothing has changed.
+    pub(super) async fn ask_again<T>(
+        &self,
+        last: &mut Repeated<T>,
+        method: &'static str,
+        params: impl IntoIterator<Item = Value>,
+        read: impl FnOnce(Reply) -> MasterResult<T>,
+    ) -> MasterResult<bool> {
+        let answer = http::call_undecoded(&self.uri, method, self.named(params)).await?;
+        if last.as_ref().is_some_and(|(before, _)| *before == answer) {
+            return Ok(false);
+        }
+        let value = read(http::decode(&self.uri, &answer)?)?;
+        *last = Some((answer, value));
+        Ok(true)
     }
 
     async fn raw(
@@ -122,8 +147,12 @@ impl Master {
         method: &str,
         params: impl IntoIterator<Item = Value>,
     ) -> HttpResult<Reply> {
-        let params = [text(&self.caller)].into_iter().chain(params).collect();
-        http::call(&self.uri, method, params).await
+        http::call(&self.uri, method, self.named(params)).await
+    }
+
+    /// The parameters of a call: the name of the node comes first.
+    fn named(&self, params: impl IntoIterator<Item = Value>) -> Vec<Value> {
+        [text(&self.caller)].into_iter().chain(params).collect()
     }
 
     /// Address of the node that offers a service; `None` where none does.
@@ -155,13 +184,12 @@ impl Master {
     }
 
     pub(super) async fn system_state(&self) -> MasterResult<SystemState> {
-        let (publishers, subscribers, services) = self.ask_for("getSystemState", []).await?;
-        Ok(SystemState { publishers, subscribers, services })
+        SystemState::of(self.raw(SYSTEM_STATE, []).await?)
     }
 
     /// Types of the topics, as their publishers or subscribers named them.
     pub(super) async fn topic_types(&self) -> MasterResult<Vec<(String, String)>> {
-        self.ask_for("getTopicTypes", []).await
+        self.ask_for(TOPIC_TYPES, []).await
     }
 
     /// Names of all parameters.
@@ -171,9 +199,33 @@ impl Master {
 
     /// The value of a parameter, or of all below a name; `None` where there is none.
     pub(super) async fn get_param(&self, key: &str) -> MasterResult<Option<Value>> {
-        let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
-        Ok((status == SUCCESS).then_some(value))
+        Ok(if_granted(self.raw(PARAMETER, [text(key)]).await?))
     }
+}
+
+impl SystemState {
+    /// Reads the answer of [`SYSTEM_STATE`].
+    pub(super) fn of(reply: Reply) -> MasterResult<Self> {
+        let (publishers, subscribers, services) = shaped(SYSTEM_STATE, reply)?;
+        Ok(Self { publishers, subscribers, services })
+    }
+}
+
+/// Value of a reply.
+fn granted(method: &'static str, reply: Reply) -> MasterResult<Value> {
+    let Reply { status, text: reason, value } = reply;
+    if status == SUCCESS { Ok(value) } else { Err(MasterError::Refused { method, reason }) }
+}
+
+/// Value of a reply, `None` where the master has none.
+pub(super) fn if_granted(reply: Reply) -> Option<Value> {
+    (reply.status == SUCCESS).then_some(reply.value)
+}
+
+/// Value of a reply, of the shape `T`.
+pub(super) fn shaped<T: TryFromValue>(method: &'static str, reply: Reply) -> MasterResult<T> {
+    let value = granted(method, reply)?;
+    T::try_from_value(&value).map_err(|_shape| odd(method, &value))
 }
 
 fn odd(method: &'static str, value: &Value) -> MasterError {

@@ -13,6 +13,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::config::NodeUri;
@@ -45,6 +46,8 @@ pub(super) type Orphans = BTreeMap<String, BTreeSet<NodeUri>>;
 #[derive(Default)]
 pub(super) struct Presence {
     nodes: Arc<Mutex<Nodes>>,
+    /// True where a node has said something else than before.
+    said_other: Arc<AtomicBool>,
     /// Publishers and servers, as they were told last.
     before: Vec<Discovered>,
     /// Time since which the master no longer lists an endpoint that it listed before.
@@ -62,7 +65,7 @@ struct Node {
 }
 
 /// Answer of a node to the last question.
-#[derive(Default)]
+#[derive(Default, PartialEq)]
 enum Said {
     /// No answer: nothing was asked yet, or nothing came.
     #[default]
@@ -85,23 +88,30 @@ struct Question {
 
 impl Presence {
     /// Endpoints that exist: those that the master lists, and those that it has dropped but whose
-    /// node still has them, with the publishers of the latter.
+    /// node still has them, with the publishers of the latter. `None` where they are the same as before: `listed` is not
+    /// `newer`, nothing is missing, and no node has said anything new.
     pub(super) fn sift(
         &mut self,
         core: &Arc<Core>,
-        listed: Vec<Discovered>,
-    ) -> (Vec<Discovered>, Orphans) {
+        listed: &[Discovered],
+        newer: bool,
+    ) -> Option<(Vec<Discovered>, Orphans)> {
         let now = Instant::now();
-        let missing = self.missing(&listed, now);
-        for Question { node, known, services } in self.due(&listed, &missing, now) {
+        let said_other = self.said_other.swap(false, Ordering::Relaxed);
+        let is_other = newer || said_other || !self.missing_since.is_empty();
+        let missing = if is_other { self.missing(listed, now) } else { Vec::new() };
+        for Question { node, known, services } in self.due(listed, &missing, now) {
             let (core_of_task, nodes) = (Arc::downgrade(core), Arc::clone(&self.nodes));
+            let said_other = Arc::clone(&self.said_other);
             core.handle.spawn(async move {
                 let Some(core) = core_of_task.upgrade() else { return };
                 let (uri, said) = question(&core, &node, known, services).await;
-                answered(&mut nodes.lock(), &node, uri, said, now);
+                if answered(&mut nodes.lock(), &node, uri, said, now) {
+                    said_other.store(true, Ordering::Relaxed);
+                }
             });
         }
-        self.sorted(listed, missing)
+        is_other.then(|| self.sorted(listed.to_vec(), missing))
     }
 
     /// Endpoints that were there before and are not listed any more.
@@ -194,11 +204,18 @@ impl Presence {
     }
 }
 
-/// Notes what came of a question that was asked at `asked_at`.
-fn answered(nodes: &mut Nodes, name: &str, uri: Option<NodeUri>, said: Said, asked_at: Instant) {
-    if let Some(node) = nodes.get_mut(name) {
-        *node = Node { uri, said, asked_at: Some(asked_at), is_asked: false };
-    }
+/// Notes what came of a question that was asked at `asked_at`; true where it is something else than before.
+fn answered(
+    nodes: &mut Nodes,
+    name: &str,
+    uri: Option<NodeUri>,
+    said: Said,
+    asked_at: Instant,
+) -> bool {
+    let Some(node) = nodes.get_mut(name) else { return false };
+    let is_other = (&node.uri, &node.said) != (&uri, &said);
+    *node = Node { uri, said, asked_at: Some(asked_at), is_asked: false };
+    is_other
 }
 
 /// Answer of a node about its topics and services, at the address that the master has now, else at

@@ -34,8 +34,8 @@ impl Settings {
     /// Exit code 2 for settings that cannot work.
     pub fn of(endpoints: &Endpoints, plan: &Plan, before: &Self) -> Result<Self> {
         let mut largest = before.largest.clone();
-        for name in plan.middlewares() {
-            let most = largest.entry(name.to_owned()).or_default();
+        for name in names().iter().filter(|name| plan.uses(name)) {
+            let most = largest.entry((*name).to_owned()).or_default();
             *most = plan.largest_message_on(name).max(*most);
         }
         let of = |name: &str| largest.get(name).copied().unwrap_or_default();
