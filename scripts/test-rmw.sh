@@ -77,6 +77,9 @@ on_dds='test(list_names_the_node) or test(pub_sends_any_type)
 # CycloneDDS for Python and Fast DDS 3 refuse the type information of each other in ros_discovery_info, which names the nodes.
 of_names='test(/^node::(name_and|node_exec)/)'
 peers='test(/^(bridge|bridge_graph|properties|service_routes)::/) or (test(/^services::/) and not test(/both_mappings|reply_that_cannot_be_sent/))'
+# From Kilted on rmw_cyclonedds_cpp compares the members of types, where CycloneDDS for Python has the header of a service among
+# them, which no node of ROS 2 has.
+[ -f "$prefix/include/rmw/rmw/localhost.h" ] || peers='test(/^(bridge|bridge_graph)::/)'
 
 # Nodes on Zenoh find each other through a router, which lives as long as the tests.
 # shellcheck disable=SC2016

@@ -46,4 +46,4 @@ pub use node::{DiscoveryRange, Node, NodeOptions, implementation};
 pub use publisher::Publisher;
 pub use service::{Client, Received, RequestId, Server, Service};
 pub use subscription::{Message, Subscription, Taken};
-pub use types::TypeHash;
+pub use types::{TypeHash, TypeInfo};

@@ -12,7 +12,7 @@ use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
 use super::{
-    EndpointType, EventCounts, Fault, Gid, MATCH_SETTLES, Notify, SendFault, TypeHash, c_text, qos,
+    EndpointType, EventCounts, Fault, Gid, MATCH_SETTLES, Notify, SendFault, TypeInfo, c_text, qos,
     sys, types,
 };
 use wrapyfi_endpoint::{Qos, Reliability};
@@ -45,12 +45,11 @@ impl Node {
     pub fn publisher(
         &self,
         topic: &str,
-        type_name: &str,
-        type_hash: Option<&TypeHash>,
+        of: &TypeInfo<'_>,
         qos: &Qos,
         on_event: Notify,
     ) -> Result<Publisher, Fault> {
-        let support = types::message(type_name, type_hash)?;
+        let support = types::message(of)?;
         let name = c_text("rmw_create_publisher", topic)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
@@ -76,7 +75,7 @@ impl Node {
             Fault::check("rmw_get_gid_for_publisher", code).map(|()| gid(&own.data))
         };
         drop(making);
-        let kind = Kind { type_name: type_name.to_owned(), qos: (*qos).into() };
+        let kind = Kind { type_name: of.name.to_owned(), qos: (*qos).into() };
         node.own().add(topic, EndpointType::Publishers, &kind);
         let mut publisher = Publisher {
             events: None,

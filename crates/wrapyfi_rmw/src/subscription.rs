@@ -12,7 +12,7 @@ use super::endpoint::gid;
 use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
-use super::{EndpointType, EventCounts, Fault, Gid, Notify, TypeHash, c_text, qos, sys, types};
+use super::{EndpointType, EventCounts, Fault, Gid, Notify, TypeInfo, c_text, qos, sys, types};
 use wrapyfi_endpoint::Qos;
 
 /// Takes serialised messages of one topic.
@@ -101,13 +101,12 @@ impl Node {
     pub fn subscription(
         &self,
         topic: &str,
-        type_name: &str,
-        type_hash: Option<&TypeHash>,
+        of: &TypeInfo<'_>,
         qos: &Qos,
         hears_own: bool,
         on_event: &Notify,
     ) -> Result<Subscription, Fault> {
-        let support = types::message(type_name, type_hash)?;
+        let support = types::message(of)?;
         let name = c_text("rmw_create_subscription", topic)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
@@ -131,7 +130,7 @@ impl Node {
         let on_message = node.dispatch().callback(Arc::clone(on_event), None);
         let user_data = on_message.user_data();
         let events = Events::new(Source::Subscription(raw), node.dispatch(), Arc::clone(on_event));
-        let kind = Kind { type_name: type_name.to_owned(), qos: (*qos).into() };
+        let kind = Kind { type_name: of.name.to_owned(), qos: (*qos).into() };
         node.own().add(topic, EndpointType::Subscriptions, &kind);
         let topic = topic.to_owned();
         let made =

@@ -4,9 +4,11 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <exception>
 #include <new>
 #include <string>
+#include <vector>
 
 #include <fastcdr/Cdr.h>
 #include <fastcdr/FastBuffer.h>
@@ -110,9 +112,12 @@ struct Handled {
 };
 
 struct Message : Handled {
-  // Middlewares describe a topic's type to themselves by its members: it has none here, and is not sent.
+  // By its members rmw_cyclonedds_cpp tells other nodes from Kilted on of what a type is made, and these compare it. No message
+  // is made of them here.
   Handled introspection{};
   rosidl_typesupport_introspection_cpp::MessageMembers members{};
+  std::vector<rosidl_typesupport_introspection_cpp::MessageMember> described;
+  std::deque<std::string> member_names;
   message_type_support_callbacks_t callbacks{};
   std::string message_namespace;
   std::string name;
@@ -154,6 +159,46 @@ rosidl_type_hash_t hash_of(const uint8_t * bytes)
     std::memcpy(hash.value, bytes, sizeof(hash.value));
   }
   return hash;
+}
+
+// Accessors of a sequence, which a member must have and nobody calls.
+size_t no_size(const void *) {return 0;}
+const void * no_element(const void *, size_t) {return nullptr;}
+void * no_place(void *, size_t) {return nullptr;}
+void no_resize(void *, size_t) {}
+
+// Members are given away from Kilted on alone, where a middleware compares them: rmw_fastrtps_cpp of Jazzy would tell other
+// nodes of them in the older form.
+void describe(Message & message, const wrapyfi_member * members, size_t count)
+{
+#if !__has_include(<rmw/localhost.h>)
+  message.described.reserve(count);
+  for (size_t index = 0; index < count; ++index) {
+    const wrapyfi_member & from = members[index];
+    rosidl_typesupport_introspection_cpp::MessageMember member{};
+    member.name_ = message.member_names.emplace_back(from.name).c_str();
+    member.type_id_ = from.kind;
+    member.string_upper_bound_ = from.text_bound;
+    if (from.nested) {
+      const auto * nested = reinterpret_cast<const Handled *>(from.nested);
+      member.members_ = &static_cast<const Message *>(nested)->introspection.handle;
+    }
+    member.is_array_ = from.is_array || from.is_sequence;
+    member.array_size_ = from.count;
+    member.is_upper_bound_ = from.is_sequence && from.count != 0;
+    member.size_function = no_size;
+    member.get_const_function = no_element;
+    member.get_function = no_place;
+    member.resize_function = no_resize;
+    message.described.push_back(member);
+  }
+  message.members.member_count_ = static_cast<uint32_t>(count);
+  message.members.members_ = message.described.data();
+#else
+  static_cast<void>(message);
+  static_cast<void>(members);
+  static_cast<void>(count);
+#endif
 }
 
 Message * make_message(const char * message_namespace, std::string name, const uint8_t * hash)
@@ -236,10 +281,13 @@ extern "C" void wrapyfi_body_free(wrapyfi_body * body)
 }
 
 extern "C" const rosidl_message_type_support_t * wrapyfi_message_type(
-  const char * message_namespace, const char * name, const uint8_t * hash)
+  const char * message_namespace, const char * name, const uint8_t * hash,
+  const wrapyfi_member * members, size_t count)
 {
   try {
-    return &make_message(message_namespace, name, hash)->handle;
+    auto * message = make_message(message_namespace, name, hash);
+    describe(*message, members, count);
+    return &message->handle;
   } catch (...) {
     return nullptr;
   }

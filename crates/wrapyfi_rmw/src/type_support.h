@@ -40,10 +40,27 @@ void wrapyfi_body_free(wrapyfi_body * body);
 // throws there, and nothing of it may leave. Tests call it.
 bool wrapyfi_body_write(const wrapyfi_body * body, uint8_t * buffer, size_t capacity);
 
-// Type support of a message, for instance ("std_msgs::msg", "String"). `hash` is of version 1, or NULL.
+// A member of a message, for middlewares that tell each other of what a type is made.
+typedef struct wrapyfi_member {
+  const char * name;
+  // Number of its kind in rosidl_typesupport_introspection_c.
+  uint8_t kind;
+  // Longest text, or 0.
+  size_t text_bound;
+  // Type support of a nested message, or NULL.
+  const rosidl_message_type_support_t * nested;
+  // An array of `count` elements, or a sequence, of at most `count` where that is not 0.
+  bool is_array;
+  bool is_sequence;
+  size_t count;
+} wrapyfi_member;
+
+// Type support of a message, for instance ("std_msgs::msg", "String"). `hash` is of version 1, or NULL. Without members
+// where these are not known.
 // NULL where there is no memory. It lives as long as the process.
 const rosidl_message_type_support_t * wrapyfi_message_type(
-  const char * message_namespace, const char * name, const uint8_t * hash);
+  const char * message_namespace, const char * name, const uint8_t * hash,
+  const wrapyfi_member * members, size_t count);
 
 // Type support of a service, for instance ("example_interfaces::srv", "AddTwoInts"). Zenoh compares `hash`, DDS those of
 // the request and the response.

@@ -13,6 +13,7 @@ use std::hash::Hash;
 use std::ptr;
 use std::sync::LazyLock;
 
+use wrapyfi_interfaces::description::{FieldDescription, MAX_DEPTH, TypeDescription};
 use wrapyfi_retry::Mutex;
 
 use super::Fault;
@@ -20,6 +21,17 @@ use super::sys;
 
 /// REP-2016 hash of a type, version 1.
 pub type TypeHash = [u8; 32];
+
+/// A message type as middlewares are told of it.
+#[derive(Debug, Clone, Copy)]
+pub struct TypeInfo<'a> {
+    /// ROS name, for instance `sensor_msgs/msg/Image`.
+    pub name: &'a str,
+    /// Its hash, where it is known.
+    pub hash: Option<TypeHash>,
+    /// Its fields, where they are known: from Kilted on nodes on `rmw_cyclonedds_cpp` compare them.
+    pub description: Option<&'a TypeDescription>,
+}
 
 /// A pointer that every thread may read.
 #[derive(Clone, Copy)]
@@ -74,11 +86,92 @@ fn kept<H: Eq + Hash, T: Copy>(
 }
 
 /// Type support of a message type.
-pub(crate) fn message(type_name: &str, hash: Option<&TypeHash>) -> Result<MessageType, Fault> {
-    // SAFETY: the texts end with zeros and the hash has 32 bytes; all are copied.
-    kept(&MESSAGES, (type_name, hash.copied()), |namespace, name| unsafe {
-        sys::wrapyfi_message_type(namespace, name, pointer(hash))
+pub(crate) fn message(of: &TypeInfo<'_>) -> Result<MessageType, Fault> {
+    kept(&MESSAGES, (of.name, of.hash), |namespace, name| {
+        let members = of.description.and_then(|all| {
+            let mut nested = Nested { all, made: HashMap::new() };
+            nested.members(&all.type_description.fields, 0)
+        });
+        // SAFETY: the texts end with zeros and the hash has 32 bytes.
+        unsafe { make(namespace, name, pointer(of.hash.as_ref()), &members.unwrap_or_default()) }
     })
+}
+
+/// A member, and the text that it points to.
+struct Member {
+    _name: CString,
+    raw: sys::wrapyfi_member,
+}
+
+/// # Safety
+/// The texts end with zeros, and the hash has 32 bytes or is null.
+unsafe fn make(
+    namespace: *const c_char,
+    name: *const c_char,
+    hash: *const u8,
+    members: &[Member],
+) -> *const sys::rosidl_message_type_support_t {
+    let raw: Vec<sys::wrapyfi_member> = members.iter().map(|member| member.raw).collect();
+    // SAFETY: as above, and so many members lie in a row; all are copied.
+    unsafe { sys::wrapyfi_message_type(namespace, name, hash, raw.as_ptr(), raw.len()) }
+}
+
+/// Numbers of kinds in `rosidl_typesupport_introspection_c`, by those of REP-2016: a nested type, integers, floats, characters,
+/// a boolean, a byte, texts.
+const KINDS: [u8; 23] =
+    [0, 18, 9, 8, 11, 10, 13, 12, 15, 14, 1, 2, 3, 4, 5, 6, 7, 16, 17, 16, 17, 16, 17];
+/// Step from an element's number to that of an array of it, of a sequence with a bound, of one without.
+const CONTAINER: u8 = 48;
+
+/// Types that a type refers to.
+struct Nested<'a> {
+    all: &'a TypeDescription,
+    /// Type supports by name: each type is made once, however often it is referred to.
+    made: HashMap<&'a str, *const sys::rosidl_message_type_support_t>,
+}
+
+impl<'a> Nested<'a> {
+    /// Members of a type; `None` where one of them is not described, so that none is told.
+    fn members(&mut self, fields: &'a [FieldDescription], depth: usize) -> Option<Vec<Member>> {
+        fields.iter().map(|field| self.member(field, depth)).collect()
+    }
+
+    fn member(&mut self, field: &'a FieldDescription, depth: usize) -> Option<Member> {
+        let (container, element) = (field.type_id / CONTAINER, field.type_id % CONTAINER);
+        let nested = match field.nested_type_name.as_str() {
+            "" => ptr::null(),
+            name => self.nested(name, depth + 1)?,
+        };
+        let name = CString::new(field.name.as_str()).ok()?;
+        let raw = sys::wrapyfi_member {
+            name: name.as_ptr(),
+            kind: *KINDS.get(usize::from(element))?,
+            text_bound: usize::try_from(field.string_capacity).ok()?,
+            nested,
+            is_array: container == 1,
+            is_sequence: container > 1,
+            count: usize::try_from(field.capacity).ok()?,
+        };
+        Some(Member { _name: name, raw })
+    }
+
+    fn nested(
+        &mut self,
+        name: &'a str,
+        depth: usize,
+    ) -> Option<*const sys::rosidl_message_type_support_t> {
+        if let Some(&made) = self.made.get(name) {
+            return Some(made);
+        }
+        let mut others = self.all.referenced_type_descriptions.iter();
+        let found = others.find(|one| one.type_name == name && depth <= MAX_DEPTH)?;
+        let members = self.members(&found.fields, depth)?;
+        let [namespace, short] = split(name).ok()?;
+        // SAFETY: the texts end with zeros; there is no hash.
+        let made = unsafe { make(namespace.as_ptr(), short.as_ptr(), ptr::null(), &members) };
+        self.made.insert(name, made);
+        (!made.is_null()).then_some(made)
+    }
 }
 
 /// Type support of a service type, with its hash and those of its request and its response.
@@ -92,6 +185,8 @@ pub(crate) fn service(type_name: &str, hashes: &Hashes) -> Result<ServiceType, F
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_interfaces::description::IndividualTypeDescription;
+
     use super::*;
 
     #[test]
@@ -106,9 +201,48 @@ mod tests {
 
     #[test]
     fn a_type_has_one_support() {
-        let first = message("a/msg/B", Some(&[1; 32])).unwrap();
-        assert_eq!(first.0, message("a/msg/B", Some(&[1; 32])).unwrap().0);
-        assert_ne!(first.0, message("a/msg/B", None).unwrap().0);
+        let of = |hash| message(&TypeInfo { name: "a/msg/B", hash, description: None }).unwrap();
+        let first = of(Some([1; 32]));
+        assert_eq!(first.0, of(Some([1; 32])).0);
+        assert_ne!(first.0, of(None).0);
+    }
+
+    #[test]
+    fn members_have_their_kinds_and_bounds() {
+        let field = |name: &str, type_id, capacity, nested: &str| FieldDescription {
+            name: name.to_owned(),
+            type_id,
+            capacity,
+            string_capacity: 0,
+            nested_type_name: nested.to_owned(),
+            default: None,
+        };
+        let inner = vec![field("x", 11, 0, "")];
+        let outer = vec![
+            field("points", 1 + 3 * CONTAINER, 0, "a/msg/Point"),
+            field("six", 6 + CONTAINER, 6, ""),
+            field("few", 17 + 2 * CONTAINER, 4, ""),
+        ];
+        let one =
+            |name: &str, fields| IndividualTypeDescription { type_name: name.to_owned(), fields };
+        let described = TypeDescription {
+            type_description: one("a/msg/Path", outer),
+            referenced_type_descriptions: vec![one("a/msg/Point", inner)],
+        };
+        let members = |of: &TypeDescription| {
+            Nested { all: of, made: HashMap::new() }.members(&of.type_description.fields, 0)
+        };
+        let found = members(&described).unwrap();
+        let told = found.iter().map(|it| {
+            let raw = &it.raw;
+            (raw.kind, raw.nested.is_null(), raw.is_array, raw.is_sequence, raw.count)
+        });
+        assert_eq!(
+            told.collect::<Vec<_>>(),
+            [(18, false, false, true, 0), (13, true, true, false, 6), (16, true, false, true, 4)]
+        );
+        let alone = TypeDescription { referenced_type_descriptions: Vec::new(), ..described };
+        assert!(members(&alone).is_none());
     }
 
     /// Fast CDR throws where its buffer has no room: the exception ends in the type support.

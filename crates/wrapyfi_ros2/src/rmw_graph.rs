@@ -26,7 +26,7 @@ use super::graph::{
 };
 use super::names;
 use super::rmw_endpoints::{RmwClient, RmwReader, RmwServer, RmwWriter};
-use super::rmw_hashes::{hash_from_text, hash_to_text};
+use super::rmw_hashes::{hash_to_text, type_info};
 use super::rmw_marks::{self, Marked, Marks};
 use super::rmw_paired::{PairedClient, PairedServer};
 use wrapyfi_endpoint::{BridgeMark, Mutex, Qos};
@@ -162,12 +162,11 @@ impl Graph for RmwGraph {
         traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Created<dyn CdrWriter> {
-        let hash = topic.type_hash.as_deref().and_then(hash_from_text);
+        let of = type_info(&topic.type_name, topic.type_hash.as_deref());
         let ends = || vec![(true, self.0.spelled(&topic.name))];
         let marked = traits.mark.map(|mark| self.mark(mark, ends()));
         let node = &self.0.node;
-        let made =
-            node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &topic.qos, on_match);
+        let made = node.publisher(&topic.name, &of, &topic.qos, on_match);
         let publisher =
             made.map_err(|fault| GraphError::stack("creating a writer", &topic.name, &fault))?;
         let (topic, returned) = (topic.name.clone(), Cell::default());
@@ -175,15 +174,9 @@ impl Graph for RmwGraph {
     }
 
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
-        let hash = topic.type_hash.as_deref().and_then(hash_from_text);
-        let made = self.0.node.subscription(
-            &topic.name,
-            &topic.type_name,
-            hash.as_ref(),
-            &topic.qos,
-            topic.hears_own,
-            &on_data,
-        );
+        let of = type_info(&topic.type_name, topic.type_hash.as_deref());
+        let made =
+            self.0.node.subscription(&topic.name, &of, &topic.qos, topic.hears_own, &on_data);
         let subscription =
             made.map_err(|fault| GraphError::stack("creating a reader", &topic.name, &fault))?;
         Ok(Box::new(RmwReader {

@@ -1,11 +1,25 @@
-//! Hashes of types as texts, and as the bytes that rmw has.
+//! Types and their hashes as rmw has them: a hash is bytes, where it is a text elsewhere.
 
 use std::fmt::Write as _;
 
-use wrapyfi_rmw::TypeHash;
+use wrapyfi_data::types::RosType;
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_rmw::{TypeHash, TypeInfo};
 
 /// Prefix of a hash of version 1, by REP-2016.
 const HASH_BEGINS: &str = "RIHS01_";
+
+/// A type for rmw, with its fields where this program has a definition with that hash.
+pub(super) fn type_info<'a>(name: &'a str, hash: Option<&str>) -> TypeInfo<'a> {
+    let known = hash.and_then(|hash| {
+        RosType::known(name, hash).or_else(|| {
+            let generated = TypeStore::generated().resolve_name(name).ok()?;
+            RosType::new(&generated).ok().filter(|it| it.type_hash() == hash)
+        })
+    });
+    let description = known.map(|it| it.resolved().description());
+    TypeInfo { name, hash: hash.and_then(hash_from_text), description }
+}
 
 pub(super) fn hash_from_text(text: &str) -> Option<TypeHash> {
     let digits = text.strip_prefix(HASH_BEGINS).filter(|digits| digits.len() == 64)?;
@@ -28,6 +42,21 @@ pub(super) fn hash_to_text(hash: &TypeHash) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Parts of services are types as well.
+    #[test]
+    fn a_type_of_this_program_has_its_fields() {
+        use wrapyfi_interfaces::std_srvs::srv::SetBool;
+        use wrapyfi_interfaces::{Message, Service};
+        fn fields<M: Message>() -> Option<usize> {
+            let info = type_info(M::ROS_TYPE, Some(M::TYPE_HASH));
+            assert_eq!(info.hash, hash_from_text(M::TYPE_HASH));
+            Some(info.description?.type_description.fields.len())
+        }
+        assert_eq!(fields::<wrapyfi_interfaces::std_msgs::msg::Header>(), Some(2));
+        assert_eq!(fields::<<SetBool as Service>::Response>(), Some(2));
+        assert!(type_info("a/msg/B", None).description.is_none());
+    }
 
     #[test]
     fn hashes_are_texts_and_bytes() {

@@ -18,7 +18,7 @@ use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_rmw::{Fault, Node, Notify, Publisher, Subscription, Taken};
 
-use super::rmw_hashes::hash_from_text;
+use super::rmw_hashes::type_info;
 use wrapyfi_endpoint::{BridgeMark, Durability, History, Mutex, Qos};
 use wrapyfi_node::NodeName;
 
@@ -138,14 +138,13 @@ impl Marks {
 impl Told {
     fn new(name: &NodeName, node: &Node, on_news: Notify) -> Result<Self, Fault> {
         let hidden = node.child(NODE, &name.fqn())?;
-        let (kind, hash) = (Text::ROS_TYPE, hash_from_text(Text::TYPE_HASH));
+        let of = type_info(Text::ROS_TYPE, Some(Text::TYPE_HASH));
         let latched =
             |history| Qos { durability: Durability::TransientLocal, history, ..Qos::default() };
         let all = latched(History::KeepAll);
-        let subscription =
-            hidden.subscription(TOPIC, kind, hash.as_ref(), &all, false, &on_news)?;
+        let subscription = hidden.subscription(TOPIC, &of, &all, false, &on_news)?;
         let last = latched(History::KeepLast(1));
-        let publisher = hidden.publisher(TOPIC, kind, hash.as_ref(), &last, Arc::new(|| {}))?;
+        let publisher = hidden.publisher(TOPIC, &of, &last, Arc::new(|| {}))?;
         let (publisher, subscription) = (Mutex::new(publisher), Mutex::new(subscription));
         Ok(Self { node: name.fqn(), publisher, subscription })
     }

@@ -23,7 +23,7 @@ use super::graph::{
 use super::names;
 use super::rmw_endpoints::{service_qos, uncreated, unsent};
 use super::rmw_graph::RmwState;
-use super::rmw_hashes::hash_from_text;
+use super::rmw_hashes::type_info;
 use super::rmw_marks::Marked;
 use super::service_header::{self, HEADER, Identified, LEAST};
 
@@ -46,13 +46,12 @@ impl Ends {
         on_event: &Notify,
     ) -> GraphResult<Self> {
         let qos = service_qos(service);
-        let hash = |text: Option<&str>| text.and_then(hash_from_text);
         let (topic, kind, kind_hash) = takes;
-        let made = node.subscription(topic, &kind, hash(kind_hash).as_ref(), &qos, false, on_event);
+        let made = node.subscription(topic, &type_info(&kind, kind_hash), &qos, false, on_event);
         let subscription = made.map_err(uncreated(service))?;
         let (topic, kind, kind_hash) = sends;
         let on_event = Arc::clone(on_event);
-        let made = node.publisher(topic, &kind, hash(kind_hash).as_ref(), &qos, on_event);
+        let made = node.publisher(topic, &type_info(&kind, kind_hash), &qos, on_event);
         let publisher = made.map_err(uncreated(service))?;
         Ok(Self { publisher, subscription, service: service.clone(), lost: 0 })
     }
