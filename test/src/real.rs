@@ -1,6 +1,6 @@
 //! A real installation of ROS 2 in one test: `ros2 …`, rclpy, and our programs in it.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::process::Command;
 
@@ -31,6 +31,12 @@ impl<'w> RealRos2<'w> {
         let installation = Installation::kilted()?;
         overlay(env)?;
         Ok(Self { env, rmw: "rmw_fastrtps_cpp", installation })
+    }
+
+    /// True for Kilted and what came after it.
+    pub fn is_after_jazzy(&self) -> bool {
+        // Distributions are named in alphabetical order.
+        self.installation.variable("ROS_DISTRO").as_os_str() > OsStr::new("jazzy")
     }
 
     /// Starts `ros2` with these arguments.

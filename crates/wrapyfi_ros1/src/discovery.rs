@@ -113,7 +113,7 @@ impl Keys {
     }
 }
 
-/// What the master told last: of a system that stands still it is the same, four times a second.
+/// Answers of the master at the last look: of a system that stands still they are the same, four times a second.
 #[derive(Default)]
 struct Told {
     types: Repeated<BTreeMap<String, String>>,
