@@ -29,7 +29,8 @@ pub struct TypeInfo<'a> {
     pub name: &'a str,
     /// Its hash, where it is known.
     pub hash: Option<TypeHash>,
-    /// Its fields, where they are known: from Kilted on nodes on `rmw_cyclonedds_cpp` compare them.
+    /// Its fields, where they are known and the middleware is `rmw_cyclonedds_cpp`: from Kilted on its nodes compare them, and no
+    /// other looks at them.
     pub description: Option<&'a TypeDescription>,
 }
 
@@ -48,7 +49,8 @@ type Hashes = [Option<TypeHash>; 3];
 /// Type supports, by name and hashes.
 type Known<H, T> = LazyLock<Mutex<HashMap<(String, H), T>>>;
 
-static MESSAGES: Known<Option<TypeHash>, MessageType> = LazyLock::new(Mutex::default);
+/// The hash, and whether the fields were known.
+static MESSAGES: Known<(Option<TypeHash>, bool), MessageType> = LazyLock::new(Mutex::default);
 static SERVICES: Known<Hashes, ServiceType> = LazyLock::new(Mutex::default);
 
 /// `sensor_msgs/msg/Image` as `sensor_msgs::msg` and `Image`.
@@ -87,13 +89,14 @@ fn kept<H: Eq + Hash, T: Copy>(
 
 /// Type support of a message type.
 pub(crate) fn message(of: &TypeInfo<'_>) -> Result<MessageType, Fault> {
-    kept(&MESSAGES, (of.name, of.hash), |namespace, name| {
+    kept(&MESSAGES, (of.name, (of.hash, of.description.is_some())), |namespace, name| {
         let members = of.description.and_then(|all| {
             let mut nested = Nested { all, made: HashMap::new() };
             nested.members(&all.type_description.fields, 0)
         });
+        let (members, _size) = members.unwrap_or_default();
         // SAFETY: the texts end with zeros and the hash has 32 bytes.
-        unsafe { make(namespace, name, pointer(of.hash.as_ref()), &members.unwrap_or_default()) }
+        unsafe { make(namespace, name, pointer(of.hash.as_ref()), &members) }
     })
 }
 
@@ -123,23 +126,38 @@ const KINDS: [u8; 23] =
 /// Step from an element's number to that of an array of it, of a sequence with a bound, of one without.
 const CONTAINER: u8 = 48;
 
+/// Most members of a type, those of a part counted wherever the part stands: a middleware walks over all of them, and a type
+/// that has another one twice, which has a third one twice, grows without end.
+const MAX_MEMBERS: usize = 1 << 16;
+
 /// Types that a type refers to.
 struct Nested<'a> {
     all: &'a TypeDescription,
-    /// Type supports by name: each type is made once, however often it is referred to.
-    made: HashMap<&'a str, *const sys::rosidl_message_type_support_t>,
+    /// Type supports by name, each with the number of its members: each type is made once, however often it is referred to.
+    made: HashMap<&'a str, (*const sys::rosidl_message_type_support_t, usize)>,
 }
 
 impl<'a> Nested<'a> {
-    /// Members of a type; `None` where one of them is not described, so that none is told.
-    fn members(&mut self, fields: &'a [FieldDescription], depth: usize) -> Option<Vec<Member>> {
-        fields.iter().map(|field| self.member(field, depth)).collect()
+    /// Members of a type, and their number with those of their parts; `None` where one of them is not described or they are more
+    /// than [`MAX_MEMBERS`], so that none is told.
+    fn members(
+        &mut self,
+        fields: &'a [FieldDescription],
+        depth: usize,
+    ) -> Option<(Vec<Member>, usize)> {
+        let (mut members, mut size) = (Vec::with_capacity(fields.len()), 0_usize);
+        for field in fields {
+            let (member, of_parts) = self.member(field, depth)?;
+            members.push(member);
+            size = size.saturating_add(1).saturating_add(of_parts);
+        }
+        (size <= MAX_MEMBERS).then_some((members, size))
     }
 
-    fn member(&mut self, field: &'a FieldDescription, depth: usize) -> Option<Member> {
+    fn member(&mut self, field: &'a FieldDescription, depth: usize) -> Option<(Member, usize)> {
         let (container, element) = (field.type_id / CONTAINER, field.type_id % CONTAINER);
-        let nested = match field.nested_type_name.as_str() {
-            "" => ptr::null(),
+        let (nested, size) = match field.nested_type_name.as_str() {
+            "" => (ptr::null(), 0),
             name => self.nested(name, depth + 1)?,
         };
         let name = CString::new(field.name.as_str()).ok()?;
@@ -152,25 +170,28 @@ impl<'a> Nested<'a> {
             is_sequence: container > 1,
             count: usize::try_from(field.capacity).ok()?,
         };
-        Some(Member { _name: name, raw })
+        Some((Member { _name: name, raw }, size))
     }
 
     fn nested(
         &mut self,
         name: &'a str,
         depth: usize,
-    ) -> Option<*const sys::rosidl_message_type_support_t> {
+    ) -> Option<(*const sys::rosidl_message_type_support_t, usize)> {
         if let Some(&made) = self.made.get(name) {
             return Some(made);
         }
         let mut others = self.all.referenced_type_descriptions.iter();
         let found = others.find(|one| one.type_name == name && depth <= MAX_DEPTH)?;
-        let members = self.members(&found.fields, depth)?;
+        let (members, size) = self.members(&found.fields, depth)?;
         let [namespace, short] = split(name).ok()?;
         // SAFETY: the texts end with zeros; there is no hash.
         let made = unsafe { make(namespace.as_ptr(), short.as_ptr(), ptr::null(), &members) };
-        self.made.insert(name, made);
-        (!made.is_null()).then_some(made)
+        if made.is_null() {
+            return None;
+        }
+        self.made.insert(name, (made, size));
+        Some((made, size))
     }
 }
 
@@ -232,7 +253,8 @@ mod tests {
         let members = |of: &TypeDescription| {
             Nested { all: of, made: HashMap::new() }.members(&of.type_description.fields, 0)
         };
-        let found = members(&described).unwrap();
+        let (found, size) = members(&described).unwrap();
+        assert_eq!(size, 4, "three, and one in a part");
         let told = found.iter().map(|it| {
             let raw = &it.raw;
             (raw.kind, raw.nested.is_null(), raw.is_array, raw.is_sequence, raw.count)
@@ -243,6 +265,16 @@ mod tests {
         );
         let alone = TypeDescription { referenced_type_descriptions: Vec::new(), ..described };
         assert!(members(&alone).is_none());
+        // Each type has the next one twice.
+        let twice = |n: usize| {
+            let next = format!("a/msg/T{}", n + 1);
+            one(&format!("a/msg/T{n}"), vec![field("a", 145, 0, &next), field("b", 145, 0, &next)])
+        };
+        let mut parts: Vec<_> = (1..60).map(twice).collect();
+        parts.push(one("a/msg/T60", vec![field("x", 11, 0, "")]));
+        let endless =
+            TypeDescription { type_description: twice(0), referenced_type_descriptions: parts };
+        assert!(members(&endless).is_none());
     }
 
     /// Fast CDR throws where its buffer has no room: the exception ends in the type support.

@@ -172,6 +172,10 @@ async fn look(
     if let Some((found, orphans)) = sifted {
         told.found = found;
         note(node, told, orphans);
+        if !is_newer {
+            // A node said it, of which the master tells nothing.
+            told.changed_at = Some(Instant::now());
+        }
     }
     let mut found = told.found.clone();
     node_parameters::add(&mut found, &keys.names);

@@ -127,7 +127,8 @@ impl RmwGraph {
                 marks.hear();
             }
         };
-        self.0.marks.join(&self.0.name, &self.0.node, Arc::new(hear));
+        let on_news: Notify = Arc::new(hear);
+        self.0.marks.join(&self.0.name, &self.0.node, &on_news);
     }
 }
 

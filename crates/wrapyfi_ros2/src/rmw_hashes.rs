@@ -3,22 +3,26 @@
 use std::fmt::Write as _;
 
 use wrapyfi_data::types::RosType;
+use wrapyfi_interfaces::description::TypeDescription;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_rmw::{TypeHash, TypeInfo};
 
 /// Prefix of a hash of version 1, by REP-2016.
 const HASH_BEGINS: &str = "RIHS01_";
 
-/// A type for rmw, with its fields where this program has a definition with that hash.
+/// A type for rmw, with its fields where the middleware looks at them and this program has a definition with that hash.
 pub(super) fn type_info<'a>(name: &'a str, hash: Option<&str>) -> TypeInfo<'a> {
-    let known = hash.and_then(|hash| {
-        RosType::known(name, hash).or_else(|| {
-            let generated = TypeStore::generated().resolve_name(name).ok()?;
-            RosType::new(&generated).ok().filter(|it| it.type_hash() == hash)
-        })
-    });
-    let description = known.map(|it| it.resolved().description());
+    let is_asked = wrapyfi_rmw::implementation().is_ok_and(|it| it == "rmw_cyclonedds_cpp");
+    let description = hash.filter(|_| is_asked).and_then(|hash| described(name, hash));
     TypeInfo { name, hash: hash.and_then(hash_from_text), description }
+}
+
+fn described(name: &str, hash: &str) -> Option<&'static TypeDescription> {
+    let known = RosType::known(name, hash).or_else(|| {
+        let generated = TypeStore::generated().resolve_name(name).ok()?;
+        RosType::new(&generated).ok().filter(|it| it.type_hash() == hash)
+    });
+    known.map(|it| it.resolved().description())
 }
 
 pub(super) fn hash_from_text(text: &str) -> Option<TypeHash> {
@@ -49,13 +53,11 @@ mod tests {
         use wrapyfi_interfaces::std_srvs::srv::SetBool;
         use wrapyfi_interfaces::{Message, Service};
         fn fields<M: Message>() -> Option<usize> {
-            let info = type_info(M::ROS_TYPE, Some(M::TYPE_HASH));
-            assert_eq!(info.hash, hash_from_text(M::TYPE_HASH));
-            Some(info.description?.type_description.fields.len())
+            Some(described(M::ROS_TYPE, M::TYPE_HASH)?.type_description.fields.len())
         }
         assert_eq!(fields::<wrapyfi_interfaces::std_msgs::msg::Header>(), Some(2));
         assert_eq!(fields::<<SetBool as Service>::Response>(), Some(2));
-        assert!(type_info("a/msg/B", None).description.is_none());
+        assert!(described("a/msg/B", "RIHS01_").is_none());
     }
 
     #[test]

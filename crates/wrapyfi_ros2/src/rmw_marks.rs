@@ -55,7 +55,7 @@ struct Told {
 impl Marks {
     /// Joins the topic, the first time. `on_news` is called when others tell something; without the topic other bridges
     /// do not know what this one makes.
-    pub(super) fn join(&self, name: &NodeName, node: &Node, on_news: Notify) {
+    pub(super) fn join(&self, name: &NodeName, node: &Node, on_news: &Notify) {
         self.told.get_or_init(|| {
             let told = Told::new(name, node, on_news);
             let warn = |fault: &Fault| {
@@ -136,13 +136,13 @@ impl Marks {
 }
 
 impl Told {
-    fn new(name: &NodeName, node: &Node, on_news: Notify) -> Result<Self, Fault> {
+    fn new(name: &NodeName, node: &Node, on_news: &Notify) -> Result<Self, Fault> {
         let hidden = node.child(NODE, &name.fqn())?;
         let of = type_info(Text::ROS_TYPE, Some(Text::TYPE_HASH));
         let latched =
             |history| Qos { durability: Durability::TransientLocal, history, ..Qos::default() };
         let all = latched(History::KeepAll);
-        let subscription = hidden.subscription(TOPIC, &of, &all, false, &on_news)?;
+        let subscription = hidden.subscription(TOPIC, &of, &all, false, on_news)?;
         let last = latched(History::KeepLast(1));
         let publisher = hidden.publisher(TOPIC, &of, &last, Arc::new(|| {}))?;
         let (publisher, subscription) = (Mutex::new(publisher), Mutex::new(subscription));
