@@ -33,10 +33,14 @@ impl<'w> RealRos2<'w> {
         Ok(Self { env, rmw: "rmw_fastrtps_cpp", installation })
     }
 
-    /// True for Kilted and what came after it.
-    pub fn is_after_jazzy(&self) -> bool {
+    /// True where `ros2 topic info -v` names the node of our endpoints: Fast DDS 3, from Kilted on, names none on the CycloneDDS
+    /// inside.
+    pub fn names_our_endpoints(&self) -> bool {
         // Distributions are named in alphabetical order.
-        self.installation.variable("ROS_DISTRO").as_os_str() > OsStr::new("jazzy")
+        let is_fast_dds_3 = self.rmw == "rmw_fastrtps_cpp"
+            && self.installation.variable("ROS_DISTRO").as_os_str() > OsStr::new("jazzy");
+        let is_inside = std::env::var_os("WRAPYFI_ROS2_GRAPH").is_none_or(|graph| graph != "rmw");
+        !(is_fast_dds_3 && is_inside)
     }
 
     /// Starts `ros2` with these arguments.

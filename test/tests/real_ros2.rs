@@ -141,9 +141,11 @@ fn the_tools_show_our_node(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let info = ros.seen(&["topic", "info", "-v", &to], |said| {
         said.contains("Publisher count: 1") && said.contains("Topic type hash: RIHS01_")
     })?;
-    // Fast DDS 3 names no node on another middleware here; `ros2 node info` does, above.
-    let is_unnamed = ros.is_after_jazzy() && info.contains("_CREATED_BY_BARE_DDS_APP_");
-    assert!(is_unnamed || info.contains(name.trim_start_matches('/')), "the node is named: {info}");
+    let wanted = match ros.names_our_endpoints() {
+        true => name.trim_start_matches('/'),
+        false => "_CREATED_BY_BARE_DDS_APP_",
+    };
+    assert!(info.contains(wanted), "{wanted} is named: {info}");
     // Zenoh under the tools may write lines of its own before the answer.
     ros.seen(&["topic", "type", &to], |said| said.lines().any(|line| line.trim() == STRING))?;
     drop(bridge);

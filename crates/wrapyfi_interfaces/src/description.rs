@@ -196,7 +196,7 @@ fn describe_field(field: &Field) -> FieldDescription {
 }
 
 /// Distance of the numbers of an element alone, in an array, and in the two kinds of sequences.
-pub(crate) const CONTAINER_STEP: u8 = 48;
+pub const CONTAINER_STEP: u8 = 48;
 
 /// The primitive with this number; `char` is `uint8` there.
 pub(crate) fn primitive_of_id(id: u8) -> Option<Primitive> {

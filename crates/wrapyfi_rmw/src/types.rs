@@ -13,7 +13,9 @@ use std::hash::Hash;
 use std::ptr;
 use std::sync::LazyLock;
 
-use wrapyfi_interfaces::description::{FieldDescription, MAX_DEPTH, TypeDescription};
+use wrapyfi_interfaces::description::{
+    CONTAINER_STEP, FieldDescription, MAX_DEPTH, TypeDescription,
+};
 use wrapyfi_retry::Mutex;
 
 use super::Fault;
@@ -123,8 +125,6 @@ unsafe fn make(
 /// a boolean, a byte, texts.
 const KINDS: [u8; 23] =
     [0, 18, 9, 8, 11, 10, 13, 12, 15, 14, 1, 2, 3, 4, 5, 6, 7, 16, 17, 16, 17, 16, 17];
-/// Step from an element's number to that of an array of it, of a sequence with a bound, of one without.
-const CONTAINER: u8 = 48;
 
 /// Most members of a type, those of a part counted wherever the part stands: a middleware walks over all of them, and a type
 /// that has another one twice, which has a third one twice, grows without end.
@@ -155,7 +155,7 @@ impl<'a> Nested<'a> {
     }
 
     fn member(&mut self, field: &'a FieldDescription, depth: usize) -> Option<(Member, usize)> {
-        let (container, element) = (field.type_id / CONTAINER, field.type_id % CONTAINER);
+        let (container, element) = (field.type_id / CONTAINER_STEP, field.type_id % CONTAINER_STEP);
         let (nested, size) = match field.nested_type_name.as_str() {
             "" => (ptr::null(), 0),
             name => self.nested(name, depth + 1)?,
@@ -240,9 +240,9 @@ mod tests {
         };
         let inner = vec![field("x", 11, 0, "")];
         let outer = vec![
-            field("points", 1 + 3 * CONTAINER, 0, "a/msg/Point"),
-            field("six", 6 + CONTAINER, 6, ""),
-            field("few", 17 + 2 * CONTAINER, 4, ""),
+            field("points", 1 + 3 * CONTAINER_STEP, 0, "a/msg/Point"),
+            field("six", 6 + CONTAINER_STEP, 6, ""),
+            field("few", 17 + 2 * CONTAINER_STEP, 4, ""),
         ];
         let one =
             |name: &str, fields| IndividualTypeDescription { type_name: name.to_owned(), fields };

@@ -9,7 +9,6 @@
 //! Types are kept for the life of the process, each definition once, so that a type can be copied and
 //! compared like a word. Their number is bounded: a peer cannot fill the memory by naming types.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -95,15 +94,6 @@ pub(super) fn defined(name: &str, mut store: TypeStore) -> Result<ResolvedType, 
 
 static TYPES: Interned<Known> = Mutex::new(BTreeMap::new());
 
-/// Generated types that a thread remembers.
-const RECENT: usize = 16;
-
-thread_local! {
-    /// Types of the structs that this thread made messages of, by where their hash stands in the program: each message asks, and
-    /// to find it in [`TYPES`] takes a lock and comparisons of texts.
-    static RECENT_TYPES: [Cell<Option<(&'static str, RosType)>>; RECENT] = const { [const { Cell::new(None) }; RECENT] };
-}
-
 impl RosType {
     /// The type of this name and hash, where the process knows it already.
     pub fn known(name: &str, hash: &str) -> Option<Self> {
@@ -166,22 +156,10 @@ impl RosType {
     /// # Errors
     /// As there.
     pub fn generated(of: GeneratedType) -> Result<Self, RosTypeError> {
-        let Some(hash) = of.hash else { return Self::new(&defined(of.name, of.types())?) };
-        RECENT_TYPES.with(|recent| {
-            let recent = recent.get(hash.as_ptr().addr() / size_of::<usize>() % RECENT);
-            match recent.and_then(Cell::get) {
-                Some((same, known)) if std::ptr::eq(same, hash) => return Ok(known),
-                _ => {}
-            }
-            let found = match Self::known(of.name, hash) {
-                Some(known) => known,
-                None => Self::new(&defined(of.name, of.types())?)?,
-            };
-            if let Some(recent) = recent {
-                recent.set(Some((hash, found)));
-            }
-            Ok(found)
-        })
+        match of.hash.and_then(|hash| Self::known(of.name, hash)) {
+            Some(known) => Ok(known),
+            None => Self::new(&defined(of.name, of.types())?),
+        }
     }
 
     /// ROS name, for instance `sensor_msgs/msg/JointState`.
