@@ -4,12 +4,14 @@
 //!   encode, decode     payload ◀─▶ frames of ZeroMQ, CDR            buffers of the size of a picture: one or none
 //!   a route            publisher ─▶ /in ─▶ route ─▶ /out ─▶ listener    nothing is copied
 //!   a hop of ZeroMQ    publisher ─▶ broker ─▶ listener              calls that write, of the whole process
+//!   a route from it    publisher ─▶ broker ─▶ route ─▶ listener     times that the I/O thread is woken
 //! ```
 //!
 //! `make check` fails where a count rises. Times are the benchmark's: they decide nothing here.
 
 use std::alloc::System;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Result;
 use bytes::Bytes;
@@ -132,16 +134,20 @@ fn writes() -> Result<usize> {
     Ok(count.unwrap_or_default().parse()?)
 }
 
-#[test]
-fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Result<()> {
+/// A broker, and two instances at it. Whoever has the broker writes into it directly, and nobody hears his own.
+fn instances() -> Result<[ZeroMq; 3]> {
     let side = |broker, pub_port, sub_port| {
         ZeroMq::start(&ZeroMqConfig { broker, pub_port, sub_port, ..ZeroMqConfig::default() })
     };
-    // Whoever has the broker writes into it directly, and nobody hears his own.
     let broker = side(BrokerMode::Embedded, 0, 0)?;
-    let ports = (broker.pub_port(), broker.sub_port());
-    let [talks, listens] = [(); 2].map(|()| side(BrokerMode::Foreign, ports.0, ports.1));
-    let (talks, listens) = (talks?, listens?);
+    let (pub_port, sub_port) = (broker.pub_port(), broker.sub_port());
+    let at_it = || side(BrokerMode::Foreign, pub_port, sub_port);
+    Ok([broker, at_it()?, at_it()?])
+}
+
+#[test]
+fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Result<()> {
+    let [_broker, talks, listens] = instances()?;
     let (maker, context) = (Maker::new(Kind::Small)?, Context::default());
     let mut ends = Ends {
         listener: listens.open_listener(&maker.spec("/t"), &context)?,
@@ -159,5 +165,49 @@ fn a_hop_of_zeromq_writes_once_to_the_broker_and_once_to_the_listener() -> Resul
     at_most("a hop of ZeroMQ", &hop, 64.0, 6144.0);
     // One more for some of them is a thread that was woken because it was late.
     assert!(calls < 2.9, "{calls} calls that write for each message");
+    Ok(())
+}
+
+/// Number of times that threads of this name had to wait, as the system counts them.
+fn waits(thread: &str) -> Result<usize> {
+    let mut all = 0;
+    for task in std::fs::read_dir("/proc/self/task")? {
+        let status = std::fs::read_to_string(task?.path().join("status"))?;
+        let value = |key: &str| status.lines().find_map(|line| line.strip_prefix(key));
+        if value("Name:").is_some_and(|name| name.trim() == thread) {
+            all += value("voluntary_ctxt_switches:").unwrap_or_default().trim().parse::<usize>()?;
+        }
+    }
+    Ok(all)
+}
+
+#[test]
+fn a_lonely_message_of_zeromq_is_read_by_the_worker_of_its_route() -> Result<()> {
+    let [_broker, talks, bridges] = instances()?;
+    let (bus, kind) = (Arc::new(Memory::new("memory")), Kind::Small);
+    let mut registry = Registry::new();
+    registry.register(bus.clone());
+    registry.register(Arc::new(bridges));
+    let route = Route::topic("zeromq:/in".parse()?, "memory:/out".parse()?, kind.message_type());
+    let running = Engine::new(Plan { routes: vec![route] }, &registry).start()?;
+    let maker = Maker::new(kind)?;
+    let mut ends = Ends::open(&bus, kind)?;
+    ends.publisher = talks.open_publisher(&maker.spec("/in"), &Context::default())?;
+    let payload = maker.payload(1);
+    wait_open(&mut ends, &payload)?;
+    let mut waited = 0;
+    for message in 0..MESSAGES {
+        if message == 10 {
+            waited = waits("zeromq-io")?;
+        }
+        ends.publisher.publish(&payload)?;
+        ends.take()?;
+        // The worker is at rest again, as between two messages that are alone.
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // It sleeps once where it is woken once; now and then it looks by itself.
+    let woken = (waits("zeromq-io")? - waited) as f64 / (MESSAGES - 10) as f64;
+    assert!(woken < 0.6, "the I/O thread was woken {woken} times a message");
+    drop(running.stop());
     Ok(())
 }

@@ -88,14 +88,23 @@ impl Wake {
 
     /// Waits until rung, at most `timeout`; true when it was rung.
     pub fn wait(&self, timeout: Duration) -> bool {
+        let has_time = !self.lock().rung && !timeout.is_zero();
+        self.wait_reading(has_time.then_some(self), timeout)
+    }
+
+    /// Waits until rung, at most `timeout`; true when it was rung. Meanwhile the connections that ring `read` are read, unless
+    /// another thread does so.
+    #[doc(hidden)]
+    pub fn wait_reading(&self, read: Option<&Self>, timeout: Duration) -> bool {
         let deadline = Instant::now().checked_add(timeout);
-        let lent = self.lend(timeout);
-        if !lent.is_empty() {
+        if let Some(read) = read
+            && let lent = read.lend()
+            && !lent.is_empty()
+        {
             self.watch(&lent, deadline);
             lent.iter().for_each(|(connection, _)| connection.give_back());
-            let mut state = self.lock();
-            state.is_watching = false;
-            return std::mem::take(&mut state.rung);
+            read.lock().is_watching = false;
+            return std::mem::take(&mut self.lock().rung);
         }
         let mut state = self.lock();
         state.sleepers += 1;
@@ -128,10 +137,10 @@ impl Wake {
     }
 
     /// Connections that the caller is to watch, where there are some and no other thread does.
-    fn lend(&self, timeout: Duration) -> Vec<Lent> {
+    fn lend(&self) -> Vec<Lent> {
         let mut state = self.lock();
         let is_few = (1..=MOST_WATCHED).contains(&state.watched.len());
-        if !is_few || state.rung || state.is_watching || timeout.is_zero() {
+        if !is_few || state.is_watching {
             return Vec::new();
         }
         state.is_watching = true;
@@ -256,6 +265,18 @@ mod tests {
         read: AtomicUsize,
     }
 
+    impl Pipe {
+        /// A connection that is attached to `wake`, and the other end of the pipe.
+        fn at(wake: &Wake) -> (Arc<Self>, OwnedFd) {
+            let (end, other) = rustix::pipe::pipe().unwrap();
+            let (end, wake) = (Arc::new(end), wake.clone());
+            let pipe = Self { end, wake, is_lent: Mutex::new(false), read: AtomicUsize::new(0) };
+            let pipe = Arc::new(pipe);
+            pipe.wake.attach(&pipe);
+            (pipe, other)
+        }
+    }
+
     impl Pollable for Pipe {
         fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
             let was_lent = std::mem::replace(&mut *self.is_lent.lock().unwrap(), true);
@@ -283,14 +304,7 @@ mod tests {
     #[test]
     fn a_thread_that_waits_reads_by_itself_until_a_message_is_whole() {
         let wake = Wake::new();
-        let (end, other) = rustix::pipe::pipe().unwrap();
-        let pipe = Arc::new(Pipe {
-            end: Arc::new(end),
-            wake: wake.clone(),
-            is_lent: Mutex::new(false),
-            read: AtomicUsize::new(0),
-        });
-        wake.attach(&pipe);
+        let (pipe, other) = Pipe::at(&wake);
         rustix::io::write(&other, &[0, 0, 1, 0]).unwrap();
         assert!(wake.wait(Duration::from_secs(60)));
         assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (3, false));
@@ -314,5 +328,37 @@ mod tests {
         while wake.wait(Duration::ZERO) {}
         drop(pipe);
         assert!(!wake.wait(Duration::from_millis(1)), "nothing is left to be watched");
+    }
+
+    /// Rings a bell of its own when it is woken.
+    struct Rings(Wake);
+
+    impl std::task::Wake for Rings {
+        fn wake(self: Arc<Self>) {
+            self.0.ring();
+        }
+    }
+
+    #[test]
+    fn a_thread_with_a_bell_of_its_own_reads_connections_of_another() {
+        let (own, other) = (Wake::new(), Wake::new());
+        let (pipe, written) = Pipe::at(&other);
+        other.ring();
+        let task = Arc::new(Rings(own.clone())).into();
+        other.notify(&task);
+        rustix::io::write(&written, &[0, 1]).unwrap();
+        assert!(own.wait_reading(Some(&other), Duration::MAX));
+        assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (2, false));
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !*pipe.is_lent.lock().unwrap() {
+                    std::thread::yield_now();
+                }
+                own.ring();
+            });
+            assert!(own.wait_reading(Some(&other), Duration::MAX), "nothing is read meanwhile");
+        });
+        assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (2, false));
+        assert!(!own.wait_reading(None, Duration::from_millis(1)), "and nothing without");
     }
 }

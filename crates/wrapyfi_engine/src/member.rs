@@ -24,7 +24,9 @@ use super::service_relay::ServiceRelay;
 use super::tap::Tap;
 use super::work::{Ending, Order, Progress, Work, not_begun};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Cause, Context, Counters, Interaction, Mutex, Qos, Registry, Throttle};
+use wrapyfi_endpoint::{
+    Cause, Context, Counters, Interaction, Mutex, Qos, Registry, Throttle, Wake,
+};
 use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.
@@ -216,6 +218,11 @@ impl Member {
         enter(&mut self.orders.lock());
         self.is_ordered.store(true, Ordering::Release);
         self.context.wake.ring();
+    }
+
+    /// Bell of the route's ends.
+    pub(super) fn wake(&self) -> &Wake {
+        &self.context.wake
     }
 
     pub(super) fn is_closed(&self) -> bool {

@@ -14,10 +14,11 @@ use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
 
+use super::http::KeptConnection;
 use super::marks::{self, Marks};
 use super::master::{
-    Master, MasterResult, Owners, PARAMETER, Repeated, SYSTEM_STATE, SystemState, TOPIC_TYPES,
-    if_granted, shaped,
+    Master, MasterResult, Owners, PARAMETER, PARAMETER_NAMES, Repeated, SYSTEM_STATE, SystemState,
+    TOPIC_TYPES, if_granted, shaped,
 };
 use super::node::Node;
 use super::node_parameters;
@@ -96,26 +97,35 @@ async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
 #[derive(Default)]
 struct Keys {
     asked_at: Option<Instant>,
-    names: BTreeSet<String>,
+    names: Repeated<BTreeSet<String>>,
 }
 
 impl Keys {
     /// Asks the master now and again; true where the names are others. There may be thousands. A master without a parameter
     /// server has none.
-    async fn ask(&mut self, master: &Master) -> bool {
+    async fn ask(&mut self, master: &Master, kept: &mut KeptConnection) -> bool {
         if self.asked_at.is_some_and(|at| at.elapsed() < PARAMETERS) {
             return false;
         }
-        let names = master.param_names().await.unwrap_or_default().into_iter().collect();
+        let read = |reply| {
+            let names: Vec<String> = shaped(PARAMETER_NAMES, reply)?;
+            Ok(names.into_iter().collect())
+        };
+        let asked = master.ask_again(kept, &mut self.names, PARAMETER_NAMES, [], read).await;
         self.asked_at = Some(Instant::now());
-        let before = std::mem::replace(&mut self.names, names);
-        before != self.names
+        asked.unwrap_or_else(|_none| self.names.take().is_some())
+    }
+
+    fn names(&self) -> &BTreeSet<String> {
+        static NONE: BTreeSet<String> = BTreeSet::new();
+        self.names.as_ref().map_or(&NONE, |(_, names)| names)
     }
 }
 
 /// Answers of the master at the last look: of a system that stands still they are the same, four times a second.
 #[derive(Default)]
 struct Told {
+    kept: KeptConnection,
     types: Repeated<BTreeMap<String, String>>,
     state: Repeated<SystemState>,
     marks: Repeated<Marks>,
@@ -132,7 +142,7 @@ struct Told {
 impl Told {
     /// Asks the master; true where `listed` is another, or was until a moment ago.
     async fn ask(&mut self, node: &Node) -> MasterResult<bool> {
-        let Self { types, state, marks, is_newer, listed, .. } = self;
+        let Self { kept, types, state, marks, is_newer, listed, .. } = self;
         let pairs = |reply| {
             let pairs: Vec<(String, String)> = shaped(TOPIC_TYPES, reply)?;
             Ok(pairs.into_iter().collect())
@@ -141,9 +151,9 @@ impl Told {
         let master = &node.master;
         let namespace = [text(marks::NAMESPACE)];
         // Each by itself: one of them may fail behind another that is new.
-        *is_newer |= master.ask_again(types, TOPIC_TYPES, [], pairs).await?;
-        *is_newer |= master.ask_again(state, SYSTEM_STATE, [], SystemState::of).await?;
-        *is_newer |= master.ask_again(marks, PARAMETER, namespace, read_marks).await?;
+        *is_newer |= master.ask_again(kept, types, TOPIC_TYPES, [], pairs).await?;
+        *is_newer |= master.ask_again(kept, state, SYSTEM_STATE, [], SystemState::of).await?;
+        *is_newer |= master.ask_again(kept, marks, PARAMETER, namespace, read_marks).await?;
         if *is_newer
             && let (Some((_, types)), Some((_, state)), Some((_, marks))) = (types, state, marks)
         {
@@ -165,7 +175,7 @@ async fn look(
 ) -> MasterResult<Option<Vec<Discovered>>> {
     let is_newer = told.ask(node).await?;
     let sifted = presence.sift(&node.core, &told.listed, is_newer);
-    let has_other_keys = keys.ask(&node.master).await;
+    let has_other_keys = keys.ask(&node.master, &mut told.kept).await;
     if sifted.is_none() && !has_other_keys {
         return Ok(None);
     }
@@ -178,7 +188,7 @@ async fn look(
         }
     }
     let mut found = told.found.clone();
-    node_parameters::add(&mut found, &keys.names);
+    node_parameters::add(&mut found, keys.names());
     Ok(Some(found))
 }
 

@@ -1,7 +1,8 @@
 //! XML-RPC over HTTP: one call to another node, and the server that answers theirs.
 //!
 //! ```text
-//!   call ─▶ connect ─▶ POST ─▶ body ─▶ Reply        each step within one time limit
+//!   call ─▶ connect ─▶ POST ─▶ body ─▶ Reply        all of it within one time limit
+//!   call_kept ─▶ the last connection, or a new one ─▶ POST ─▶ body
 //!   Answers: XmlRpcCall ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
 //!
@@ -15,6 +16,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use http_body_util::{BodyExt as _, Full, Limited};
 use hyper::body::Incoming;
+use hyper::client::conn::http1::{SendRequest, handshake};
 use hyper::header::{CONNECTION, CONTENT_TYPE, HOST, USER_AGENT};
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
@@ -53,7 +55,7 @@ pub(super) type HttpResult<T> = Result<T, HttpError>;
 
 /// Calls a method of the node at `uri`.
 pub(super) async fn call(uri: &NodeUri, method: &str, params: Vec<Value>) -> HttpResult<Reply> {
-    decode(uri, &call_undecoded(uri, method, params).await?)
+    decode(uri, &call_once(uri, method, params).await?)
 }
 
 /// Reads the answer of a call of the node at `uri`.
@@ -62,53 +64,112 @@ pub(super) fn decode(uri: &NodeUri, answer: &[u8]) -> HttpResult<Reply> {
 }
 
 fn of_fault(uri: &NodeUri, fault: &XmlRpcError) -> HttpError {
-    HttpError { uri: uri.to_string(), what: format!("answered: {fault}"), is_refused: false }
+    failed(uri, format!("answered: {fault}"))
 }
 
-/// As [`call`]; the answer as it came.
-pub(super) async fn call_undecoded(
+/// Calls a method of the node at `uri` over a connection that stays open for the next call: to open one for each costs
+/// more than the call. The answer is returned as it came.
+///
+/// A node may have ended a connection since its last answer, so a call that fails on one that was kept is made once more on a new one:
+/// for methods that change nothing.
+pub(super) async fn call_kept(
+    kept: &mut KeptConnection,
     uri: &NodeUri,
     method: &str,
     params: Vec<Value>,
 ) -> HttpResult<Bytes> {
-    let failed = |what, is_refused| HttpError { uri: uri.to_string(), what, is_refused };
-    let body = xmlrpc::encode_call(method, params).map_err(|fault| of_fault(uri, &fault))?;
-    let posted = timeout(CALL, async {
+    let body = body(uri, method, params)?;
+    let answered = within(uri, method, async {
+        // A call that is given up takes its connection along, whose answer may still come.
+        if let Some(mut open) = kept.0.take()
+            && let Ok(answer) = open.post(uri, &body, true).await
+        {
+            return Ok((answer, open));
+        }
+        let mut open = HttpConnection::open(uri).await?;
+        let answer = open.post(uri, &body, true).await?;
+        Ok((answer, open))
+    });
+    let (answer, open) = answered.await?;
+    kept.0 = Some(open);
+    Ok(answer)
+}
+
+async fn call_once(uri: &NodeUri, method: &str, params: Vec<Value>) -> HttpResult<Bytes> {
+    let body = body(uri, method, params)?;
+    within(uri, method, async { HttpConnection::open(uri).await?.post(uri, &body, false).await })
+        .await
+}
+
+fn body(uri: &NodeUri, method: &str, params: Vec<Value>) -> HttpResult<Bytes> {
+    let text = xmlrpc::encode_call(method, params).map_err(|fault| of_fault(uri, &fault))?;
+    Ok(text.into())
+}
+
+/// Waits for a call at most as long as calls may take.
+async fn within<T>(
+    uri: &NodeUri,
+    method: &str,
+    called: impl Future<Output = HttpResult<T>>,
+) -> HttpResult<T> {
+    let late = || failed(uri, format!("did not answer {method} within {} s", CALL.as_secs()));
+    timeout(CALL, called).await.map_err(|_elapsed| late())?
+}
+
+fn failed(uri: &NodeUri, what: String) -> HttpError {
+    HttpError { uri: uri.to_string(), what, is_refused: false }
+}
+
+/// Connection to one node that is kept between calls, none before the first and after one that failed.
+#[derive(Default)]
+pub(super) struct KeptConnection(Option<HttpConnection>);
+
+/// An open connection to a node's server.
+struct HttpConnection {
+    requests: SendRequest<Full<Bytes>>,
+    /// The task that reads and writes.
+    _task: JoinSet<hyper::Result<()>>,
+}
+
+impl HttpConnection {
+    async fn open(uri: &NodeUri) -> HttpResult<Self> {
         let _place = tcpros::place_to_open(&uri.host, uri.port).await;
         let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
             let is_refused = error.kind() == std::io::ErrorKind::ConnectionRefused;
-            failed(format!("does not answer: {error}"), is_refused)
+            HttpError { is_refused, ..failed(uri, format!("does not answer: {error}")) }
         })?;
-        post(stream, uri, body).await.map_err(|what| failed(what, false))
-    });
-    let late = || format!("did not answer {method} within {} s", CALL.as_secs());
-    posted.await.map_err(|_elapsed| failed(late(), false))?
+        // A second write that waits for the first one's acknowledgement takes 40 ms.
+        stream.set_nodelay(true).map_err(|error| failed(uri, error.to_string()))?;
+        let (requests, connection) =
+            handshake(TokioIo::new(stream)).await.map_err(|error| no_http(uri, &error))?;
+        let mut task = JoinSet::new();
+        task.spawn(connection);
+        Ok(Self { requests, _task: task })
+    }
+
+    async fn post(&mut self, uri: &NodeUri, body: &Bytes, is_kept: bool) -> HttpResult<Bytes> {
+        let request = Request::builder()
+            .method(Method::POST)
+            .uri("/")
+            .header(HOST, format!("{}:{}", uri.host, uri.port))
+            .header(USER_AGENT, concat!("wrapyfi/", env!("CARGO_PKG_VERSION")))
+            .header(CONTENT_TYPE, "text/xml")
+            .header(CONNECTION, if is_kept { "keep-alive" } else { "close" })
+            .body(Full::new(body.clone()))
+            .map_err(|error| failed(uri, error.to_string()))?;
+        self.requests.ready().await.map_err(|error| no_http(uri, &error))?;
+        let response =
+            self.requests.send_request(request).await.map_err(|error| no_http(uri, &error))?;
+        if response.status() != StatusCode::OK {
+            return Err(failed(uri, format!("answered with HTTP status {}", response.status())));
+        }
+        let body = collect(response.into_body(), &Share::default()).await;
+        body.map_err(|error| failed(uri, format!("broke off: {error}")))
+    }
 }
 
-async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, String> {
-    // A second write that waits for the first one's acknowledgement takes 40 ms.
-    stream.set_nodelay(true).map_err(|error| error.to_string())?;
-    let failed = |error: hyper::Error| format!("did not answer as HTTP: {error}");
-    let (mut sender, connection) =
-        hyper::client::conn::http1::handshake(TokioIo::new(stream)).await.map_err(failed)?;
-    // It ends with this function.
-    let mut task = JoinSet::new();
-    task.spawn(connection);
-    let request = Request::builder()
-        .method(Method::POST)
-        .uri("/")
-        .header(HOST, format!("{}:{}", uri.host, uri.port))
-        .header(USER_AGENT, concat!("wrapyfi/", env!("CARGO_PKG_VERSION")))
-        .header(CONTENT_TYPE, "text/xml")
-        .header(CONNECTION, "close")
-        .body(Full::new(Bytes::from(body)))
-        .map_err(|error| error.to_string())?;
-    let response = sender.send_request(request).await.map_err(failed)?;
-    if response.status() != StatusCode::OK {
-        return Err(format!("answered with HTTP status {}", response.status()));
-    }
-    let body = collect(response.into_body(), &Share::default()).await;
-    body.map_err(|error| format!("broke off: {error}"))
+fn no_http(uri: &NodeUri, error: &hyper::Error) -> HttpError {
+    failed(uri, format!("did not answer as HTTP: {error}"))
 }
 
 /// Error of reading a body.
@@ -237,6 +298,31 @@ mod tests {
         let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
         assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
         assert_eq!(idle[0].read(&mut [0; 1]).await.unwrap(), 0, "the oldest one has ended");
+    }
+
+    /// A connection serves call after call; one that the node ended in between is replaced.
+    #[tokio::test]
+    async fn a_kept_connection_is_opened_anew_when_its_node_has_ended_it() {
+        let (port, number) = Port::bind([127, 0, 0, 1].into(), 1).await.unwrap();
+        let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
+        let callers = Arc::new(wrapyfi_endpoint::Mutex::new(Vec::new()));
+        let seen = Arc::clone(&callers);
+        let answers: Arc<Answers> = Arc::new(move |_, peer| {
+            seen.lock().push(peer.port());
+            Some(Reply::success("", Value::Integer(7)))
+        });
+        let server = tokio::spawn(serve(port, answers));
+        let mut kept = KeptConnection::default();
+        let mut asked = async || call_kept(&mut kept, &uri, "getPid", Vec::new()).await;
+        let first = asked().await.unwrap();
+        assert_eq!(decode(&uri, &first).unwrap().value, Value::Integer(7));
+        assert_eq!(asked().await.unwrap(), first);
+        // Only one connection may be open: this one ends the kept one.
+        assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
+        assert_eq!(asked().await.unwrap(), first);
+        let [one, two, _other, three] = *callers.lock().as_slice() else { panic!("four calls") };
+        assert!(one == two && two != three, "{one} {two} {three}");
+        server.abort();
     }
 
     /// Each test is a process of its own.

@@ -10,7 +10,7 @@ use dxr::TryFromValue;
 use wrapyfi_endpoint::{Cause, Named};
 
 use super::config::NodeUri;
-use super::http::{self, HttpError, HttpResult};
+use super::http::{self, HttpError, HttpResult, KeptConnection};
 use super::whereabouts::Whereabouts;
 use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 
@@ -48,6 +48,7 @@ pub enum MasterError {
 pub(super) const SYSTEM_STATE: &str = "getSystemState";
 pub(super) const TOPIC_TYPES: &str = "getTopicTypes";
 pub(super) const PARAMETER: &str = "getParam";
+pub(super) const PARAMETER_NAMES: &str = "getParamNames";
 
 /// Last answer to a question that is asked again and again, and what was read from it.
 pub(super) type Repeated<T> = Option<(Bytes, T)>;
@@ -124,16 +125,17 @@ impl Master {
         shaped(method, self.raw(method, params).await?)
     }
 
-    /// Calls a method whose answer is the same as `last` nearly every time. True where it is another one, which is read by
-    /// `read` and kept: the lists of a large system are not taken apart to learn that nothing has changed.
+    /// Calls a method whose answer is the same as `last` nearly every time, over a connection that stays. True where it is another
+    /// one, which is read by `read` and kept: the lists of a large system are not taken apart to learn that nothing has changed.
     pub(super) async fn ask_again<T>(
         &self,
+        kept: &mut KeptConnection,
         last: &mut Repeated<T>,
         method: &'static str,
         params: impl IntoIterator<Item = Value>,
         read: impl FnOnce(Reply) -> MasterResult<T>,
     ) -> MasterResult<bool> {
-        let answer = http::call_undecoded(&self.uri, method, self.named(params)).await?;
+        let answer = http::call_kept(kept, &self.uri, method, self.named(params)).await?;
         if last.as_ref().is_some_and(|(before, _)| *before == answer) {
             return Ok(false);
         }
@@ -194,7 +196,7 @@ impl Master {
 
     /// Names of all parameters.
     pub(super) async fn param_names(&self) -> MasterResult<Vec<String>> {
-        self.ask_for("getParamNames", []).await
+        self.ask_for(PARAMETER_NAMES, []).await
     }
 
     /// The value of a parameter, or of all below a name; `None` where there is none.

@@ -9,7 +9,7 @@
 //! As at the broker's ports, ZMTP is spoken here and not by libzmq, which bounds what waits in messages and not in bytes,
 //! throws it away without a word when the connection ends, and wakes a thread of its own for each message.
 
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::os::fd::AsRawFd as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -318,6 +318,10 @@ impl Connection {
 
     /// Puts another state in place of the one that has ended, which is returned.
     fn leave(&mut self, way: Way) -> Way {
+        // A thread that watches it has a descriptor of its own, which would keep the connection open until something comes.
+        if let (true, Some(stream)) = (self.is_lent, &self.stream) {
+            _ = stream.shutdown(Shutdown::Both);
+        }
         (self.stream, self.is_lent, self.is_narrow) = (None, false, false);
         self.is_flushing = false;
         std::mem::replace(&mut self.way, way)

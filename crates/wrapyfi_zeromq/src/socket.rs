@@ -279,12 +279,13 @@ impl<R: SocketRole> Pollable for Socket<R> {
         }
         let link = connection.link.state();
         let progress = connection.use_open(role, Instant::now(), &self.io.registry);
-        let is_lent = connection.is_lent();
-        let is_for_io = progress.more || !is_lent || role.next_look().is_some();
+        // What waits for room is readable all the time: only the I/O thread waits for anything else.
+        let is_kept = connection.is_lent() && role.next_look().is_none();
+        let is_for_io = progress.more || !is_kept;
         let has_changed = link != connection.link.state();
         drop(state);
         self.tell(has_changed, is_for_io);
-        is_lent
+        is_kept
     }
 
     fn give_back(&self) {
