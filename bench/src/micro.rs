@@ -225,13 +225,15 @@ impl Micro {
         let raw = ["registered/raw"];
         targets.extend(self.ratio("library", what, f64::NAN, "registered/listen", &raw));
         for name in TYPED {
-            let [typed, raw, coding] =
-                ["", " raw", " coding"].map(|part| format!("typed/{name}{part}"));
+            let [typed, raw, coding, apart] =
+                ["", " raw", " coding", " apart"].map(|part| format!("typed/{name}{part}"));
             let what = format!("publish and listen of structs on ROS 2, {name}, against");
             let raw_alone = format!("{what} raw endpoints");
             targets.extend(self.ratio("ros2", raw_alone, 1.05, &typed, &[&raw]));
-            let what = format!("{what} raw endpoints and coding alone");
-            targets.extend(self.ratio("ros2", what, 1.05, &typed, &[&raw, &coding]));
+            let alone = format!("{what} raw endpoints and coding alone");
+            targets.extend(self.ratio("ros2", alone, 1.05, &typed, &[&raw, &coding]));
+            let apart_each = format!("{what} raw endpoints and coding of another message, by turns");
+            targets.extend(self.ratio("ros2", apart_each, 1.05, &typed, &[&apart]));
         }
         targets
     }
@@ -601,13 +603,20 @@ fn there<'c, M: Message>(
     let cdr = RosMessage::of(message)?.cdr.to_bytes();
     let raw = Payload::from(RosMessage::new(RosType::of::<M>()?, cdr.clone()));
     let sent = Rc::new(RefCell::new(sent));
-    let raw_sent = Rc::clone(&sent);
+    let (raw_sent, apart_sent) = (Rc::clone(&sent), Rc::clone(&sent));
+    let (apart, apart_raw) = (cdr.clone(), raw.clone());
     Ok(vec![
         call(format!("{name} coding"), move || {
             drop(black_box(black_box(message).encode()));
             Ok(M::decode(black_box(&cdr), cdr.len())?)
         }),
         call(format!("{name} raw"), move || (raw_sent.borrow_mut())(black_box(&raw))),
+        // Both, for one message after the other, but each by itself.
+        call(format!("{name} apart"), move || {
+            drop(black_box(black_box(message).encode()));
+            drop(black_box(M::decode(black_box(&apart), apart.len())?));
+            (apart_sent.borrow_mut())(black_box(&apart_raw))
+        }),
         call(name, move || {
             let payload = RosMessage::of(black_box(message))?.into();
             let Payload::RosMessage(found) = (sent.borrow_mut())(&payload)? else {

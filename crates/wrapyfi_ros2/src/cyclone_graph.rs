@@ -303,6 +303,10 @@ impl Graph for CycloneGraph {
             .collect())
     }
 
+    fn changes(&self) -> Option<u64> {
+        Some(self.node.peer_index().ok()?.changes())
+    }
+
     fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
         self.watch_dds(names::topic_to_dds(topic), publishers, on_change)
     }

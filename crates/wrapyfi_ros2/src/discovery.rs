@@ -25,6 +25,8 @@ pub(super) struct Ros2Discovery {
     nodes: Box<dyn NodeWatch>,
     /// The other watch of the names of nodes, and the participants for which it was opened.
     again: (Option<Box<dyn NodeWatch>>, BTreeSet<[u8; 12]>),
+    /// Endpoints that were listed last, and [`Graph::changes`] from before that.
+    listed: Option<(u64, Vec<Discovered>)>,
     carried_by: Option<Arc<str>>,
 }
 
@@ -35,7 +37,7 @@ impl Ros2Discovery {
     ) -> Result<Self, DiscoverError> {
         let nodes = graph.nodes().map_err(|error| transport(&error))?;
         let again = (None, BTreeSet::new());
-        Ok(Self { graph: Arc::clone(graph), nodes, again, carried_by })
+        Ok(Self { graph: Arc::clone(graph), nodes, again, listed: None, carried_by })
     }
 
     fn owner(&self, gid: &[u8; 16]) -> Option<&str> {
@@ -67,8 +69,16 @@ fn transport(error: &GraphError) -> DiscoverError {
 
 impl Discovery for Ros2Discovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let mut is_news = false;
         for nodes in std::iter::once(&mut self.nodes).chain(&mut self.again.0) {
-            nodes.update();
+            is_news |= nodes.update();
+        }
+        let changes = self.graph.changes();
+        // Many times a second, of hundreds of endpoints.
+        if let (false, Some(now), Some((before, listed))) = (is_news, changes, &self.listed)
+            && now == *before
+        {
+            return Ok(listed.clone());
         }
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
         self.ask_again(&found).map_err(|error| transport(&error))?;
@@ -82,6 +92,7 @@ impl Discovery for Ros2Discovery {
             .collect();
         let mut found = with_actions(in_one_mapping(found));
         found.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
+        self.listed = changes.map(|changes| (changes, found.clone()));
         Ok(found)
     }
 

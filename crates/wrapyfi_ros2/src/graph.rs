@@ -148,6 +148,12 @@ pub trait Graph: Send + Sync {
     /// When the DDS stack refuses.
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>>;
 
+    /// Number that grows with each change of the endpoints that other participants have, which is cheap to ask for; `None`
+    /// where only [`Graph::endpoints`] tells.
+    fn changes(&self) -> Option<u64> {
+        None
+    }
+
     /// Begins to watch the endpoints that other participants have on a topic, given by its ROS name:
     /// publishers if `publishers`, else subscribers. `on_change` is called from a DDS thread when
     /// one comes, changes or goes, also for those that exist already, possibly before this returns.
@@ -166,8 +172,8 @@ pub trait Graph: Send + Sync {
 /// Knows which node owns which endpoint, from `ros_discovery_info`. It knows more the longer it
 /// listens.
 pub trait NodeWatch: Send {
-    /// Reads what has arrived.
-    fn update(&mut self);
+    /// Reads what has arrived; true where something had.
+    fn update(&mut self) -> bool;
 
     /// Full name of the node that owns the endpoint, for instance `/robot/talker`.
     fn owner(&self, gid: &[u8; 16]) -> Option<&str>;

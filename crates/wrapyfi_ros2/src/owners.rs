@@ -97,22 +97,26 @@ pub(super) fn full_name(node: &NodeEntitiesInfo) -> String {
 }
 
 impl NodeWatch for Owners {
-    fn update(&mut self) {
+    fn update(&mut self) -> bool {
+        let mut is_news = false;
         loop {
             match self.reader.take() {
                 Ok(Some(sample)) => match announcement::read(&sample.cdr, MAX_BYTES) {
-                    Ok(announcement) => self.read(announcement),
+                    Ok(announcement) => {
+                        self.read(announcement);
+                        is_news = true;
+                    }
                     Err(error) => {
                         tracing::warn!(%error, "{TOPIC}: an announcement is not readable");
                     }
                 },
-                Ok(None) => break,
+                Ok(None) => return is_news,
                 Err(error) => {
                     tracing::warn!(%error, "{TOPIC}");
                     // A message that is too large is gone; any other fault would come again at
                     // once.
                     if !matches!(error, GraphError::TooLarge { .. }) {
-                        break;
+                        return is_news;
                     }
                 }
             }

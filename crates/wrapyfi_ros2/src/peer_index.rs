@@ -29,6 +29,8 @@ pub(super) struct PeerIndex {
     own: Gid,
     readers: Mutex<Vec<BuiltinReader>>,
     known: Mutex<Known>,
+    /// Number of changes of any of the endpoints.
+    changes: AtomicU64,
     overflowed: AtomicBool,
 }
 
@@ -118,6 +120,7 @@ impl PeerIndex {
                 if endpoint.guid.first_chunk::<12>() == self.own.first_chunk() {
                     return Vec::new();
                 }
+                self.changes.fetch_add(1, Relaxed);
                 if places.len() >= MAX_ENDPOINTS && !places.contains_key(&number) {
                     if !self.overflowed.swap(true, Relaxed) {
                         tracing::warn!(
@@ -133,6 +136,7 @@ impl PeerIndex {
                 side
             }
             None => {
+                self.changes.fetch_add(1, Relaxed);
                 let Some(side) = places.remove(&number) else { return Vec::new() };
                 peers.remove(&(side.clone(), number));
                 side
@@ -144,6 +148,11 @@ impl PeerIndex {
             watch.changes.fetch_add(1, Relaxed);
         }
         watched
+    }
+
+    /// Number that grows with each change of the endpoints.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes.load(Relaxed)
     }
 
     fn peers(&self, side: &Side) -> Vec<DiscoveredEndpoint> {

@@ -441,10 +441,10 @@ struct Nodes {
 }
 
 impl NodeWatch for Nodes {
-    fn update(&mut self) {
+    fn update(&mut self) -> bool {
         let changes = self.shared.node.graph_changes();
         if self.seen == changes {
-            return;
+            return false;
         }
         match self.shared.all() {
             Ok(all) => {
@@ -454,6 +454,7 @@ impl NodeWatch for Nodes {
             }
             Err(fault) => tracing::warn!(%fault, "cannot read whose endpoints there are"),
         }
+        true
     }
 
     fn owner(&self, gid: &Gid) -> Option<&str> {
