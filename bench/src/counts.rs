@@ -11,7 +11,7 @@
 
 use std::alloc::System;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use bytes::Bytes;
@@ -208,6 +208,12 @@ fn a_lonely_message_of_zeromq_is_read_by_the_worker_of_its_route() -> Result<()>
     // It sleeps once where it is woken once; now and then it looks by itself.
     let woken = (waits("zeromq-io")? - waited) as f64 / (MESSAGES - 10) as f64;
     assert!(woken < 0.6, "the I/O thread was woken {woken} times a message");
+    // The worker has the connection at this moment, and it ends all the same.
     drop(running.stop());
+    let begin = Instant::now();
+    while ends.publisher.link().peers != Some(0) {
+        anyhow::ensure!(begin.elapsed() < Duration::from_secs(20), "a route that is still heard");
+        std::thread::sleep(Duration::from_millis(1));
+    }
     Ok(())
 }

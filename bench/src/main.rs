@@ -38,8 +38,8 @@ use wire::{Place, Wire};
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
 struct Cli {
-    /// Rounds, in each of which every way has one turn with every payload; in a whole run what takes long has one in every third, what
-    /// decides no promise in every sixth.
+    /// Rounds, in each of which every way has one turn with every payload; in a whole run ways that take long have a turn in every
+    /// third, ways that decide no promise in every seventh.
     #[arg(long, default_value_t = 27)]
     rounds: u32,
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
@@ -195,9 +195,8 @@ fn run(cli: &Cli) -> Result<()> {
     if wants("scripts")
         && let Some((python, ours)) = python.as_mut().zip(ours.as_mut())
     {
-        targets.extend(
-            notes.some("scripts", package::run(python, ours, rounds)).unwrap_or_default(),
-        );
+        targets
+            .extend(notes.some("scripts", package::run(python, ours, rounds)).unwrap_or_default());
     }
     drop((python, ours));
     targets.extend(ways.targets(&micro));

@@ -232,7 +232,8 @@ impl Micro {
             targets.extend(self.ratio("ros2", raw_alone, 1.05, &typed, &[&raw]));
             let alone = format!("{what} raw endpoints and coding alone");
             targets.extend(self.ratio("ros2", alone, 1.05, &typed, &[&raw, &coding]));
-            let apart_each = format!("{what} raw endpoints and coding of another message, by turns");
+            let apart_each =
+                format!("{what} raw endpoints and coding of another message, by turns");
             targets.extend(self.ratio("ros2", apart_each, 1.05, &typed, &[&apart]));
         }
         targets

@@ -30,6 +30,11 @@ pub struct Wake(Arc<Doorbell>);
 /// then wake one thread instead of two.
 #[doc(hidden)]
 pub trait Pollable: Send + Sync {
+    /// True where threads send over the connection too, which the thread that reads it has to be told of by its bell.
+    fn is_sent_on(&self) -> bool {
+        true
+    }
+
     /// Descriptor that is readable when something has come, which the I/O thread does not watch from now on. `None`
     /// where the I/O thread has to see to the connection.
     fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>>;
@@ -89,21 +94,26 @@ impl Wake {
     /// Waits until rung, at most `timeout`; true when it was rung.
     pub fn wait(&self, timeout: Duration) -> bool {
         let has_time = !self.lock().rung && !timeout.is_zero();
-        self.wait_reading(has_time.then_some(self), timeout)
+        self.wait_and_read(has_time.then_some((self, true)), timeout)
     }
 
-    /// Waits until rung, at most `timeout`; true when it was rung. Meanwhile the connections that ring `read` are read, unless
-    /// another thread does so.
+    /// Waits until rung, at most `timeout`; true when it was rung. Meanwhile the caller reads the connections that ring `other`,
+    /// those on which nothing is sent, unless another thread reads them.
     #[doc(hidden)]
-    pub fn wait_reading(&self, read: Option<&Self>, timeout: Duration) -> bool {
+    pub fn wait_reading(&self, other: Option<&Self>, timeout: Duration) -> bool {
+        self.wait_and_read(other.map(|other| (other, false)), timeout)
+    }
+
+    /// Waits until rung, at most `timeout`, and reads the connections of a doorbell; with `true` also those on which is sent.
+    fn wait_and_read(&self, read: Option<(&Self, bool)>, timeout: Duration) -> bool {
         let deadline = Instant::now().checked_add(timeout);
-        if let Some(read) = read
-            && let lent = read.lend()
-            && !lent.is_empty()
+        if let Some((read, all)) = read
+            && let Some(event) = self.0.event()
+            && let lent = read.lend(all)
+            && !lent.0.is_empty()
         {
-            self.watch(&lent, deadline);
-            lent.iter().for_each(|(connection, _)| connection.give_back());
-            read.lock().is_watching = false;
+            self.watch(event, &lent.0, deadline);
+            drop(lent);
             return std::mem::take(&mut self.lock().rung);
         }
         let mut state = self.lock();
@@ -137,28 +147,27 @@ impl Wake {
     }
 
     /// Connections that the caller is to watch, where there are some and no other thread does.
-    fn lend(&self) -> Vec<Lent> {
+    fn lend(&self, all: bool) -> Loan<'_> {
+        let mut loan = Loan(Vec::new(), None);
         let mut state = self.lock();
         let is_few = (1..=MOST_WATCHED).contains(&state.watched.len());
         if !is_few || state.is_watching {
-            return Vec::new();
+            return loan;
         }
         state.is_watching = true;
+        loan.1 = Some(self);
         let watched: Vec<_> = state.watched.iter().filter_map(Weak::upgrade).collect();
         drop(state);
-        let lend = |connection: Arc<dyn Pollable>| Some((connection.lend()?, connection));
-        let has_event = self.0.event().is_some();
-        let lent = watched.into_iter().filter(|_| has_event).filter_map(lend);
-        let lent: Vec<Lent> = lent.map(|(fd, connection)| (connection, fd)).collect();
-        if lent.is_empty() {
-            self.lock().is_watching = false;
+        for connection in watched.into_iter().filter(|it| all || !it.is_sent_on()) {
+            if let Some(fd) = connection.lend() {
+                loan.0.push((connection, fd));
+            }
         }
-        lent
+        loan
     }
 
-    /// Reads connections until one of them has rung, another thread has, or the time is over.
-    fn watch(&self, lent: &[Lent], deadline: Option<Instant>) {
-        let Some(event) = self.0.event() else { return };
+    /// Reads connections until one of them has rung, another thread has, which `event` tells, or the time is over.
+    fn watch(&self, event: &OwnedFd, lent: &[Lent], deadline: Option<Instant>) {
         loop {
             {
                 let mut state = self.lock();
@@ -202,6 +211,18 @@ impl Wake {
 
 /// A connection that was lent, with its descriptor.
 type Lent = (Arc<dyn Pollable>, Arc<dyn AsFd + Send + Sync>);
+
+/// Connections that were lent, and the doorbell that is watched for them. They go back on drop: also where reading panics.
+struct Loan<'a>(Vec<Lent>, Option<&'a Wake>);
+
+impl Drop for Loan<'_> {
+    fn drop(&mut self) {
+        self.0.iter().for_each(|(connection, _)| connection.give_back());
+        if let Some(wake) = self.1 {
+            wake.lock().is_watching = false;
+        }
+    }
+}
 
 impl Doorbell {
     fn event(&self) -> Option<&OwnedFd> {
@@ -263,21 +284,26 @@ mod tests {
         wake: Wake,
         is_lent: Mutex<bool>,
         read: AtomicUsize,
+        is_sent_on: bool,
     }
 
     impl Pipe {
         /// A connection that is attached to `wake`, and the other end of the pipe.
-        fn at(wake: &Wake) -> (Arc<Self>, OwnedFd) {
+        fn at(wake: &Wake, is_sent_on: bool) -> (Arc<Self>, OwnedFd) {
             let (end, other) = rustix::pipe::pipe().unwrap();
             let (end, wake) = (Arc::new(end), wake.clone());
-            let pipe = Self { end, wake, is_lent: Mutex::new(false), read: AtomicUsize::new(0) };
-            let pipe = Arc::new(pipe);
+            let (is_lent, read) = (Mutex::new(false), AtomicUsize::new(0));
+            let pipe = Arc::new(Self { end, wake, is_lent, read, is_sent_on });
             pipe.wake.attach(&pipe);
             (pipe, other)
         }
     }
 
     impl Pollable for Pipe {
+        fn is_sent_on(&self) -> bool {
+            self.is_sent_on
+        }
+
         fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
             let was_lent = std::mem::replace(&mut *self.is_lent.lock().unwrap(), true);
             assert!(!was_lent, "two threads watch it");
@@ -304,7 +330,7 @@ mod tests {
     #[test]
     fn a_thread_that_waits_reads_by_itself_until_a_message_is_whole() {
         let wake = Wake::new();
-        let (pipe, other) = Pipe::at(&wake);
+        let (pipe, other) = Pipe::at(&wake, true);
         rustix::io::write(&other, &[0, 0, 1, 0]).unwrap();
         assert!(wake.wait(Duration::from_secs(60)));
         assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (3, false));
@@ -342,12 +368,13 @@ mod tests {
     #[test]
     fn a_thread_with_a_bell_of_its_own_reads_connections_of_another() {
         let (own, other) = (Wake::new(), Wake::new());
-        let (pipe, written) = Pipe::at(&other);
+        let (pipe, written) = Pipe::at(&other, false);
+        let (sent_on, _other_end) = Pipe::at(&other, true);
         other.ring();
         let task = Arc::new(Rings(own.clone())).into();
         other.notify(&task);
         rustix::io::write(&written, &[0, 1]).unwrap();
-        assert!(own.wait_reading(Some(&other), Duration::MAX));
+        assert!(own.wait_reading(Some(&other), Duration::from_secs(60)));
         assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (2, false));
         std::thread::scope(|scope| {
             scope.spawn(|| {
@@ -356,9 +383,42 @@ mod tests {
                 }
                 own.ring();
             });
-            assert!(own.wait_reading(Some(&other), Duration::MAX), "nothing is read meanwhile");
+            let rang = own.wait_reading(Some(&other), Duration::from_secs(60));
+            assert!(rang, "nothing is read meanwhile");
+            assert!(!*sent_on.is_lent.lock().unwrap(), "its senders would ring in vain");
         });
         assert_eq!((pipe.read.load(SeqCst), *pipe.is_lent.lock().unwrap()), (2, false));
         assert!(!own.wait_reading(None, Duration::from_millis(1)), "and nothing without");
+    }
+
+    /// A connection whose first reading panics.
+    struct Panics(Arc<OwnedFd>, AtomicUsize);
+
+    impl Pollable for Panics {
+        fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
+            Some(Arc::clone(&self.0) as Arc<dyn AsFd + Send + Sync>)
+        }
+
+        fn read(&self) -> bool {
+            panic!("a fault of a test");
+        }
+
+        fn give_back(&self) {
+            self.1.fetch_add(1, SeqCst);
+        }
+    }
+
+    #[test]
+    fn a_connection_goes_back_when_reading_it_panics() {
+        let wake = Wake::new();
+        let (end, other) = rustix::pipe::pipe().unwrap();
+        let connection = Arc::new(Panics(Arc::new(end), AtomicUsize::new(0)));
+        wake.attach(&connection);
+        rustix::io::write(&other, &[0]).unwrap();
+        for times in 1..=2 {
+            let wait = std::panic::AssertUnwindSafe(|| wake.wait(Duration::from_secs(60)));
+            assert!(std::panic::catch_unwind(wait).is_err(), "it is lent again after a panic");
+            assert_eq!(connection.1.load(SeqCst), times);
+        }
     }
 }

@@ -48,8 +48,9 @@ const BEHIND_EVERY: u64 = 8;
 const SAME_TURNS: u32 = 3;
 
 thread_local! {
-    /// Number of the worker that this thread is, while it waits: what its own reading rings, it looks at next.
-    static WAITING_WORKER: Cell<Option<u64>> = const { Cell::new(None) };
+    /// Address of the pool and number in it of the worker that this thread is, while it waits. A route that is rung by what
+    /// the worker reads is stepped by that worker: no other is woken for it.
+    static WAITING_WORKER: Cell<Option<(usize, u64)>> = const { Cell::new(None) };
 }
 
 /// Values of [`Member::place`].
@@ -87,10 +88,9 @@ struct PoolState {
     workers: usize,
     /// Number of threads that have not ended: workers, timekeeper and others that were spawned.
     threads: usize,
-    /// Workers without a member, by their numbers, and the bells at which they wait. The last to come is the first to go: its
-    /// core and its caches still know the work, and a route with one message at a time stays on one worker instead of wandering
-    /// through all of them.
-    idle: Vec<(u64, Wake)>,
+    /// Workers without a member. The last to come is the first to go: its core and its caches still know the work, and a route
+    /// with one message at a time stays on one worker instead of wandering through all of them.
+    idle: Vec<Idle>,
     /// Number of workers that were ever started.
     started: u64,
     /// Number of workers that were taken from `idle` because a member waits, and have not looked yet.
@@ -104,6 +104,16 @@ struct PoolState {
     is_watched: bool,
     grown_at: Option<Instant>,
     stop: bool,
+}
+
+/// A worker without a member.
+struct Idle {
+    /// Number of the worker.
+    worker: u64,
+    /// Bell at which it waits.
+    bell: Wake,
+    /// True where it may be reading a connection, so that another comes sooner.
+    reads: bool,
 }
 
 impl PoolState {
@@ -142,19 +152,19 @@ impl PoolState {
         !self.ready.is_empty() || self.may_take_behind()
     }
 
-    /// Takes the worker that became idle last, whose bell is to be rung.
+    /// Takes the worker that became idle last, if possible one that reads no connection; its bell is to be rung.
     fn take_idle(&mut self) -> Option<Wake> {
-        let (_, bell) = self.idle.pop()?;
+        let last = self.idle.len().checked_sub(1)?;
+        let place = self.idle.iter().rposition(|idle| !idle.reads).unwrap_or(last);
         self.woken += 1;
-        Some(bell)
+        Some(self.idle.remove(place).bell)
     }
 
-    /// The same for the worker of this number; `None` where it is woken already.
+    /// Takes the worker of this number, whose bell is to be rung; `None` where it is woken already.
     fn take_idle_worker(&mut self, worker: u64) -> Option<Wake> {
-        let place = self.idle.iter().position(|(idle, _)| *idle == worker)?;
-        let (_, bell) = self.idle.remove(place);
+        let place = self.idle.iter().position(|idle| idle.worker == worker)?;
         self.woken += 1;
-        Some(bell)
+        Some(self.idle.remove(place).bell)
     }
 }
 
@@ -258,8 +268,8 @@ impl Pool {
             let mut state = self.state.lock();
             self.enqueue(&mut state, member);
             let bell = match WAITING_WORKER.get() {
-                Some(own) => state.take_idle_worker(own),
-                None => state.take_idle(),
+                Some((pool, own)) if pool == self.address() => state.take_idle_worker(own),
+                _ => state.take_idle(),
             };
             // Rung without the lock, which is the first thing that the worker takes.
             drop(state);
@@ -308,6 +318,10 @@ impl Pool {
         Ok(())
     }
 
+    fn address(&self) -> usize {
+        std::ptr::from_ref(self).addr()
+    }
+
     fn work(&self, number: u64) {
         let bell = Wake::new();
         let mut recent = Recent::default();
@@ -319,11 +333,16 @@ impl Pool {
                 if state.workers > self.base && !is_alone && !is_needed {
                     break;
                 }
-                state.idle.push((number, bell.clone()));
+                let read = recent.to_read();
+                state.idle.push(Idle { worker: number, bell: bell.clone(), reads: read.is_some() });
                 drop(state);
-                WAITING_WORKER.set(Some(number));
-                bell.wait_reading(recent.to_read(), Duration::MAX);
+                WAITING_WORKER.set(Some((self.address(), number)));
+                let waited = contained(|| bell.wait_reading(read, Duration::MAX));
                 WAITING_WORKER.set(None);
+                if let Err(panic) = waited {
+                    tracing::error!("a panic where a route's connection was read: {panic}");
+                    recent = Recent::default();
+                }
                 state = self.state.lock();
                 // No other thread has taken it from `idle` where the wait ended by itself, or for all.
                 _ = state.take_idle_worker(number);
@@ -430,7 +449,7 @@ impl Pool {
             if now.saturating_duration_since(looked_at) >= LOOK_EVERY {
                 looked_at = now;
                 if state.workers > self.base {
-                    state.idle.iter().for_each(|(_, bell)| bell.ring());
+                    state.idle.iter().for_each(|idle| idle.bell.ring());
                 }
                 drop(state);
                 look(now);
@@ -479,7 +498,7 @@ impl Pool {
             std::mem::take(&mut state.behind),
             std::mem::take(&mut state.timers),
         );
-        state.idle.iter().for_each(|(_, bell)| bell.ring());
+        state.idle.iter().for_each(|idle| idle.bell.ring());
         drop(state);
         drop(held);
         self.tick.notify_all();

@@ -22,6 +22,7 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 use wrapyfi_retry::NewestTasks;
@@ -70,8 +71,8 @@ fn of_fault(uri: &NodeUri, fault: &XmlRpcError) -> HttpError {
 /// Calls a method of the node at `uri` over a connection that stays open for the next call: to open one for each costs
 /// more than the call. The answer is returned as it came.
 ///
-/// A node may have ended a connection since its last answer, so a call that fails on one that was kept is made once more on a new one:
-/// for methods that change nothing.
+/// A node may have ended a connection since its last answer, and a machine that is gone ends none. So a call that fails on a kept
+/// connection, or is not answered in half of the time, is made once more on a new one: the method must change nothing.
 pub(super) async fn call_kept(
     kept: &mut KeptConnection,
     uri: &NodeUri,
@@ -82,7 +83,7 @@ pub(super) async fn call_kept(
     let answered = within(uri, method, async {
         // A call that is given up takes its connection along, whose answer may still come.
         if let Some(mut open) = kept.0.take()
-            && let Ok(answer) = open.post(uri, &body, true).await
+            && let Ok(Ok(answer)) = timeout(CALL / 2, open.post(uri, &body, true)).await
         {
             return Ok((answer, open));
         }
@@ -127,13 +128,15 @@ pub(super) struct KeptConnection(Option<HttpConnection>);
 /// An open connection to a node's server.
 struct HttpConnection {
     requests: SendRequest<Full<Bytes>>,
+    /// Place among the connections whose other side has not answered yet.
+    place: Option<OwnedSemaphorePermit>,
     /// The task that reads and writes.
     _task: JoinSet<hyper::Result<()>>,
 }
 
 impl HttpConnection {
     async fn open(uri: &NodeUri) -> HttpResult<Self> {
-        let _place = tcpros::place_to_open(&uri.host, uri.port).await;
+        let place = tcpros::place_to_open(&uri.host, uri.port).await;
         let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
             let is_refused = error.kind() == std::io::ErrorKind::ConnectionRefused;
             HttpError { is_refused, ..failed(uri, format!("does not answer: {error}")) }
@@ -144,7 +147,7 @@ impl HttpConnection {
             handshake(TokioIo::new(stream)).await.map_err(|error| no_http(uri, &error))?;
         let mut task = JoinSet::new();
         task.spawn(connection);
-        Ok(Self { requests, _task: task })
+        Ok(Self { requests, place, _task: task })
     }
 
     async fn post(&mut self, uri: &NodeUri, body: &Bytes, is_kept: bool) -> HttpResult<Bytes> {
@@ -163,6 +166,7 @@ impl HttpConnection {
         if response.status() != StatusCode::OK {
             return Err(failed(uri, format!("answered with HTTP status {}", response.status())));
         }
+        self.place = None;
         let body = collect(response.into_body(), &Share::default()).await;
         body.map_err(|error| failed(uri, format!("broke off: {error}")))
     }

@@ -304,7 +304,7 @@ impl Graph for CycloneGraph {
     }
 
     fn changes(&self) -> Option<u64> {
-        Some(self.node.peer_index().ok()?.changes())
+        self.node.peer_index().ok()?.changes()
     }
 
     fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {

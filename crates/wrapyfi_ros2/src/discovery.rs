@@ -80,6 +80,8 @@ impl Discovery for Ros2Discovery {
         {
             return Ok(listed.clone());
         }
+        // News that an error keeps from being listed are not told again.
+        self.listed = None;
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
         self.ask_again(&found).map_err(|error| transport(&error))?;
         let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);

@@ -103,6 +103,7 @@ impl PeerIndex {
         for reader in self.readers.lock().iter() {
             let taken = reader.take(|number, endpoint| rung.extend(self.apply(number, endpoint)));
             if let Err(error) = taken {
+                self.changes.fetch_add(1, Relaxed);
                 tracing::warn!(%error, "cannot read what discovery found");
             }
         }
@@ -120,7 +121,6 @@ impl PeerIndex {
                 if endpoint.guid.first_chunk::<12>() == self.own.first_chunk() {
                     return Vec::new();
                 }
-                self.changes.fetch_add(1, Relaxed);
                 if places.len() >= MAX_ENDPOINTS && !places.contains_key(&number) {
                     if !self.overflowed.swap(true, Relaxed) {
                         tracing::warn!(
@@ -132,13 +132,15 @@ impl PeerIndex {
                 }
                 let side = (endpoint.topic.clone(), endpoint.is_writer);
                 places.insert(number, side.clone());
+                self.changes.fetch_add(1, Relaxed);
                 peers.insert((side.clone(), number), endpoint);
                 side
             }
             None => {
-                self.changes.fetch_add(1, Relaxed);
+                // Each look at all endpoints opens readers of its own, which go again and are no peers.
                 let Some(side) = places.remove(&number) else { return Vec::new() };
                 peers.remove(&(side.clone(), number));
+                self.changes.fetch_add(1, Relaxed);
                 side
             }
         };
@@ -150,9 +152,9 @@ impl PeerIndex {
         watched
     }
 
-    /// Number that grows with each change of the endpoints.
-    pub(super) fn changes(&self) -> u64 {
-        self.changes.load(Relaxed)
+    /// Number that grows with each change of the endpoints; `None` once there were too many to know all of them.
+    pub(super) fn changes(&self) -> Option<u64> {
+        (!self.overflowed.load(Relaxed)).then(|| self.changes.load(Relaxed))
     }
 
     fn peers(&self, side: &Side) -> Vec<DiscoveredEndpoint> {
@@ -221,6 +223,7 @@ mod tests {
             assert_eq!(index.apply(2, Some(other)).len(), 0);
         }
         assert_eq!(watched.changes.load(Relaxed), 2);
+        assert_eq!(index.changes(), Some(3), "each but our own");
         let peers = index.peers(&side);
         assert_eq!(peers.len(), 1);
         assert_eq!((peers[0].topic.as_str(), peers[0].is_publisher), ("/a", true));
@@ -240,6 +243,9 @@ mod tests {
         index.apply(5, None);
         assert_eq!(index.peers(&side), []);
         assert_eq!(watched.changes.load(Relaxed), 4);
+        // Readers of our own go without ever having been peers.
+        index.apply(6, None);
+        assert_eq!(index.changes(), Some(3));
     }
 
     #[test]

@@ -40,6 +40,9 @@ const READ_BYTES: usize = 16 * 1024;
 
 /// Part that a socket plays on its connection.
 pub(super) trait SocketRole: Sized + Send + 'static {
+    /// False where nothing is sent but what the protocol has a reader send.
+    const IS_SENT_ON: bool = true;
+
     /// Makes of a new connection the peer that it is.
     fn begin(&mut self, peer: Peer) -> Peer;
 

@@ -110,6 +110,8 @@ impl Reception {
 }
 
 impl SocketRole for Reception {
+    const IS_SENT_ON: bool = false;
+
     fn begin(&mut self, peer: Peer) -> Peer {
         peer.of_messages(Kind::Xsub, self.most_bytes).subscribing(self.subscribes.clone())
     }

@@ -57,7 +57,8 @@ const LONG_GAP: Duration = Duration::from_micros(200);
 const GAPS: [u32; 2] = [8, 16];
 /// Gap that ends a burst: the next message is written by its owner, without waiting for a thread to wake.
 const PAUSE: Duration = Duration::from_micros(500);
-/// Time after which the connection's second descriptor is closed, since a burst that is over needs none.
+/// Time after the last message from which on the connection's second descriptor is closed: neither a burst needs it, nor a thread
+/// that watches the connection by itself.
 const BURST_OVER: Duration = Duration::from_secs(1);
 
 /// Mean time between the messages that an owner sends.
@@ -88,15 +89,11 @@ impl Burst {
         self.gap < BURST_GAP
     }
 
-    /// True once, some time after a burst or a message on its own.
-    fn is_over(&mut self, now: Instant) -> bool {
+    /// True where the last message is some time ago, or there was none.
+    fn is_over(&self, now: Instant) -> bool {
         let is_long_ago =
             |last: Instant| now.saturating_duration_since(last) >= BURST_OVER && !self.is_asked;
-        let is_over = self.last.is_some_and(is_long_ago);
-        if is_over {
-            self.last = None;
-        }
-        is_over
+        self.last.is_none_or(is_long_ago)
     }
 }
 
@@ -263,6 +260,10 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
 }
 
 impl<R: SocketRole> Pollable for Socket<R> {
+    fn is_sent_on(&self) -> bool {
+        R::IS_SENT_ON
+    }
+
     fn lend(&self) -> Option<Arc<dyn AsFd + Send + Sync>> {
         let SocketState { connection, role, .. } = &mut *self.state.lock();
         if role.next_look().is_some() {
@@ -279,8 +280,12 @@ impl<R: SocketRole> Pollable for Socket<R> {
         }
         let link = connection.link.state();
         let progress = connection.use_open(role, Instant::now(), &self.io.registry);
-        // What waits for room is readable all the time: only the I/O thread waits for anything else.
-        let is_kept = connection.is_lent() && role.next_look().is_none();
+        // While a message waits for room in the inbox, while bytes wait for room to be sent, and at its end the connection is
+        // not read however readable it is: the I/O thread knows when to go on.
+        let is_kept = connection.is_lent()
+            && role.next_look().is_none()
+            && !connection.is_wanted_back()
+            && !connection.is_closed();
         let is_for_io = progress.more || !is_kept;
         let has_changed = link != connection.link.state();
         drop(state);
