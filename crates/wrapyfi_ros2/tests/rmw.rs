@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use wrapyfi_endpoint::Wake;
 use wrapyfi_rmw::{DiscoveryRange, EndpointType, Node, NodeOptions};
-use wrapyfi_ros2::graph::{Graph, ServiceMapping, WriterTraits, wait_until};
+use wrapyfi_ros2::graph::{Graph, WriterTraits, wait_until};
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph, RmwGraph};
 
 use crate::actions;
@@ -24,7 +24,8 @@ fn is_for(test: &str, fits: impl Fn(&str) -> bool) -> bool {
     let fits = fits(&loaded);
     if !fits {
         // Written directly: the test runner hides what `println!` says when a test passes.
-        writeln!(std::io::stderr(), "SKIPPED {test}: it is not about {loaded}").unwrap();
+        let skipped = format!("SKIPPED {test}: it is not about {loaded}\n");
+        std::io::stderr().write_all(skipped.as_bytes()).unwrap();
     }
     fits
 }
@@ -118,8 +119,8 @@ fn actions_go_over() {
 fn actions_reach_cyclone_and_come_from_there() {
     if is_for("actions_reach_cyclone_and_come_from_there", is_dds) {
         let mapping = match implementation().as_str() {
-            "rmw_cyclonedds_cpp" => ServiceMapping::Cyclone,
-            _ => ServiceMapping::FastDds,
+            "rmw_cyclonedds_cpp" => wrapyfi_ros2::graph::ServiceMapping::Cyclone,
+            _ => wrapyfi_ros2::graph::ServiceMapping::FastDds,
         };
         let (ours, inside) =
             (actions::on(on_rmw("ours")), actions::ros2(&config("inside"), mapping));
