@@ -191,7 +191,7 @@ fn run(cli: &Cli) -> Result<()> {
             begin.elapsed().as_secs_f64()
         ));
     }
-    let rounds = if only.is_some() { cli.rounds } else { cli.rounds.div_ceil(3) };
+    let rounds = if only.is_some() { cli.rounds } else { cli.rounds.div_ceil(ways::LONG_EVERY) };
     if wants("scripts")
         && let Some((python, ours)) = python.as_mut().zip(ours.as_mut())
     {

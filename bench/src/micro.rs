@@ -607,15 +607,11 @@ fn there<'c, M: Message>(
     let (raw_sent, apart_sent) = (Rc::clone(&sent), Rc::clone(&sent));
     let (apart, apart_raw) = (cdr.clone(), raw.clone());
     Ok(vec![
-        call(format!("{name} coding"), move || {
-            drop(black_box(black_box(message).encode()));
-            Ok(M::decode(black_box(&cdr), cdr.len())?)
-        }),
+        call(format!("{name} coding"), move || coded(message, &cdr)),
         call(format!("{name} raw"), move || (raw_sent.borrow_mut())(black_box(&raw))),
         // Both, for one message after the other, but each by itself.
         call(format!("{name} apart"), move || {
-            drop(black_box(black_box(message).encode()));
-            drop(black_box(M::decode(black_box(&apart), apart.len())?));
+            drop(black_box(coded(message, &apart)?));
             (apart_sent.borrow_mut())(black_box(&apart_raw))
         }),
         call(name, move || {
@@ -626,6 +622,12 @@ fn there<'c, M: Message>(
             Ok(found.read::<M>()?)
         }),
     ])
+}
+
+/// Encodes a message, and decodes its bytes.
+fn coded<M: Message>(message: &M, cdr: &Bytes) -> Result<M> {
+    drop(black_box(black_box(message).encode()));
+    Ok(M::decode(black_box(cdr), cdr.len())?)
 }
 
 #[cfg(test)]

@@ -49,10 +49,12 @@ const FASTER: [(Way, Kind, f64); 11] = [
 /// Payloads of our publisher beside libzmq's.
 const PUBLISHED: [Kind; 2] = [Small, FileMib];
 
+/// Number of rounds of a whole run of which what takes long has a turn in one.
+pub(crate) const LONG_EVERY: u32 = 3;
+
 /// Number of rounds of which a case has a turn in one, in a whole run: 25 minutes do not allow all cases in each.
-pub(crate) fn turn_every(Case { way, payload, .. }: Case) -> u32 {
+fn turn_every(Case { way, payload, .. }: Case) -> u32 {
     const ALL: u32 = 1;
-    const THIRD: u32 = 3;
     // Not a multiple of two, so that they run in either order.
     const SEVENTH: u32 = 7;
     match (way, payload) {
@@ -60,8 +62,8 @@ pub(crate) fn turn_every(Case { way, payload, .. }: Case) -> u32 {
         (RawZmq | RawDds | ZmqToRos | RosToZmq, Small | VgaJpeg | VgaRgb) => ALL,
         (PythonHop | PackageHop | RustHop, Small) => ALL,
         (OurPublisher, _) | (RawZmq, FileMib) => ALL,
-        (RawZmq | RawDds | ZmqToRos | RosToZmq, FullHdRgb) => THIRD,
-        (PythonHop | PackageHop | RustHop, _) => THIRD,
+        (RawZmq | RawDds | ZmqToRos | RosToZmq, FullHdRgb) => LONG_EVERY,
+        (PythonHop | PackageHop | RustHop, _) => LONG_EVERY,
         // They decide no promise.
         _ => SEVENTH,
     }

@@ -132,7 +132,6 @@ impl PeerIndex {
                 }
                 let side = (endpoint.topic.clone(), endpoint.is_writer);
                 places.insert(number, side.clone());
-                self.changes.fetch_add(1, Relaxed);
                 peers.insert((side.clone(), number), endpoint);
                 side
             }
@@ -140,10 +139,10 @@ impl PeerIndex {
                 // Each look at all endpoints opens readers of its own, which go again and are no peers.
                 let Some(side) = places.remove(&number) else { return Vec::new() };
                 peers.remove(&(side.clone(), number));
-                self.changes.fetch_add(1, Relaxed);
                 side
             }
         };
+        self.changes.fetch_add(1, Relaxed);
         let meant = watches.iter().filter(|(watched, _)| *watched == side);
         let watched: Vec<_> = meant.filter_map(|(_, watch)| watch.upgrade()).collect();
         for watch in &watched {
