@@ -32,8 +32,9 @@ use wrapyfi_endpoint::{Cause, DiscoverError, Discovered, Discovery, Mutex, Named
 pub(super) const LOOK: Duration = Duration::from_millis(250);
 /// Time after the last change in which every look does all its work: questions to nodes that have just gone are answered by then.
 const CALM_AFTER: Duration = Duration::from_secs(15);
-/// Time between two looks at the names of parameters.
-const PARAMETERS: Duration = Duration::from_secs(1);
+/// Time between two questions for the names of parameters, and, from twice that time after the last change on, for types and marks: the
+/// answers are long.
+const DETAILS: Duration = Duration::from_secs(1);
 
 /// Looks until it is dropped.
 pub(super) struct Ros1Discovery {
@@ -104,7 +105,7 @@ impl Keys {
     /// Asks the master now and again; true where the names are others. There may be thousands. A master without a parameter
     /// server has none.
     async fn ask(&mut self, master: &Master, kept: &mut KeptConnection) -> bool {
-        if self.asked_at.is_some_and(|at| at.elapsed() < PARAMETERS) {
+        if self.asked_at.is_some_and(|at| at.elapsed() < DETAILS) {
             return false;
         }
         let read = |reply| {
@@ -133,6 +134,8 @@ struct Told {
     is_newer: bool,
     /// Time at which `listed` became another.
     changed_at: Option<Instant>,
+    /// Time at which types and marks were asked for.
+    detailed_at: Option<Instant>,
     /// Endpoints that all three tell of.
     listed: Vec<Discovered>,
     /// Those that exist, and the actions that they are: without parameters.
@@ -142,7 +145,8 @@ struct Told {
 impl Told {
     /// Asks the master; true where `listed` is another, or was until a moment ago.
     async fn ask(&mut self, node: &Node) -> MasterResult<bool> {
-        let Self { kept, types, state, marks, is_newer, listed, .. } = self;
+        let is_changing = self.changed_at.is_none_or(|at| at.elapsed() < 2 * DETAILS);
+        let Self { kept, types, state, marks, is_newer, listed, detailed_at, .. } = self;
         let pairs = |reply| {
             let pairs: Vec<(String, String)> = shaped(TOPIC_TYPES, reply)?;
             Ok(pairs.into_iter().collect())
@@ -151,9 +155,13 @@ impl Told {
         let master = &node.master;
         let namespace = [text(marks::NAMESPACE)];
         // Each by itself: one of them may fail behind another that is new.
-        *is_newer |= master.ask_again(kept, types, TOPIC_TYPES, [], pairs).await?;
         *is_newer |= master.ask_again(kept, state, SYSTEM_STATE, [], SystemState::of).await?;
-        *is_newer |= master.ask_again(kept, marks, PARAMETER, namespace, read_marks).await?;
+        // Types and marks come and go with what is registered, or soon after it.
+        if *is_newer || is_changing || detailed_at.is_none_or(|at| at.elapsed() >= DETAILS) {
+            *is_newer |= master.ask_again(kept, types, TOPIC_TYPES, [], pairs).await?;
+            *is_newer |= master.ask_again(kept, marks, PARAMETER, namespace, read_marks).await?;
+            *detailed_at = Some(Instant::now());
+        }
         if *is_newer
             && let (Some((_, types)), Some((_, state)), Some((_, marks))) = (types, state, marks)
         {

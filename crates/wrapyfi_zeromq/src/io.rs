@@ -310,7 +310,7 @@ impl Worker {
             let flush = || (0..BATCHES).all(|_| end.flush(&mut batch));
             catch_unwind(AssertUnwindSafe(flush)).unwrap_or_else(|_| {
                 self.fault(Instant::now());
-                batch.clear();
+                batch = Batch::default();
                 true
             })
         });

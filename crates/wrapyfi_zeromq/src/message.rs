@@ -101,9 +101,10 @@ impl Batch {
         &self.bytes
     }
 
-    /// Lets go of the messages, whose memory is given back here where they are written.
-    pub(super) fn clear(&mut self) {
-        self.messages.clear();
+    /// Lets go of the messages, into `spent` where that has room.
+    pub(super) fn leave(&mut self, spent: &mut Vec<Outgoing>) {
+        let room = (2 * BATCH_MESSAGES).saturating_sub(spent.len());
+        spent.extend(self.messages.drain(..).take(room));
     }
 }
 

@@ -1,6 +1,7 @@
 //! Values to text.
 
 use std::borrow::Cow;
+use std::io::Write as _;
 
 use super::super::{EncodeError, Path};
 use super::neutral;
@@ -15,6 +16,8 @@ type Result<T> = std::result::Result<T, EncodeError>;
 
 /// Deepest nesting that is written: Python's decoder raises beyond about three times this.
 const MAX_DEPTH: usize = 300;
+/// Size up to which a text keeps memory that was taken for it and is not needed.
+const SHORT: usize = 1024;
 
 struct Encoder<'a> {
     plugins: &'a Plugins,
@@ -31,23 +34,34 @@ pub(super) fn run(
     let capacity = expected_length(value, tensors.is_none());
     let mut encoder = Encoder { plugins, out: Vec::with_capacity(capacity), tensors };
     encoder.value(value, &Path::Root, 0)?;
-    // Shrinks in place; usually nothing is left to shrink but a few bytes.
-    encoder.out.shrink_to_fit();
+    // Shrinks in place; usually nothing is left to shrink but a few bytes, which of a short text are not worth a call.
+    if capacity > SHORT {
+        encoder.out.shrink_to_fit();
+    }
     Ok((encoder.out, encoder.tensors.unwrap_or_default()))
 }
 
 /// A guess that is rarely too low, and close where arrays make up the size.
+#[inline]
 fn expected_length(value: &Value, inline: bool) -> usize {
+    match value {
+        Value::Null | Value::Bool(_) => 5,
+        Value::Int(_) | Value::Float(_) => 20,
+        Value::Str(text) => text.len() + 2,
+        value => length_of_parts(value, inline),
+    }
+}
+
+/// The same, of a value that is more than a number or a text.
+fn length_of_parts(value: &Value, inline: bool) -> usize {
     /// Brackets and tag around an array.
     const FRAME: usize = 40;
     let file = |header: Vec<u8>, data: usize| FRAME + base64::encoded_length(header.len() + data);
     let items =
         |items: &[Value]| items.iter().map(|v| 2 + expected_length(v, inline)).sum::<usize>();
     match value {
-        Value::Null | Value::Bool(_) => 5,
-        Value::Int(_) | Value::Float(_) => 20,
+        Value::Null | Value::Bool(_) | Value::Int(_) | Value::Float(_) | Value::Str(_) => 20,
         Value::BigInt(value) => usize::try_from(value.bits() / 3).unwrap_or_default() + 2,
-        Value::Str(text) => text.len() + 2,
         Value::Utf16(units) => units.len() * 6 + 2,
         Value::Bytes(_) => 0,
         Value::List(members) => 2 + items(members),
@@ -107,7 +121,7 @@ impl Encoder<'_> {
             Value::Null => self.push("null"),
             Value::Bool(true) => self.push("true"),
             Value::Bool(false) => self.push("false"),
-            Value::Int(value) => self.push(&value.to_string()),
+            Value::Int(value) => _ = write!(self.out, "{value}"),
             Value::BigInt(value) => match big_integer(value) {
                 Some(digits) => self.push(&digits),
                 None => {
