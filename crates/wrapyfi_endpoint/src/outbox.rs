@@ -88,6 +88,26 @@ impl<M: Waits> Outbox<M> {
         Ok(())
     }
 
+    /// Has the newest message take `bytes` bytes more, as which it then counts; false where there is none that `takes` them.
+    ///
+    /// # Errors
+    /// The budget of waiting bytes has no room.
+    pub fn extend(
+        &mut self,
+        bytes: usize,
+        takes: impl FnOnce(&mut M) -> bool,
+    ) -> Result<bool, DropReason> {
+        let Some(last) = self.waiting.back_mut() else { return Ok(false) };
+        if !self.share.take(bytes) {
+            return Err(DropReason::OverBudget);
+        }
+        let is_taken = takes(last);
+        if !is_taken {
+            self.share.give(bytes);
+        }
+        Ok(is_taken)
+    }
+
     /// The first message, which has begun and does not give way any more.
     pub fn first(&mut self) -> Option<&M> {
         let first = self.waiting.front();
@@ -169,7 +189,7 @@ impl<M: Pieces> Outbox<M> {
     pub fn write(
         &mut self,
         mut write: impl FnMut(&[IoSlice<'_>]) -> IoResult<usize>,
-        mut sent: impl FnMut(&M),
+        mut sent: impl FnMut(M),
     ) -> IoResult<bool> {
         while !self.waiting.is_empty() {
             let (mut slices, mut count) = ([IoSlice::new(&[]); SLICES], 0);
@@ -196,7 +216,7 @@ impl<M: Pieces> Outbox<M> {
 
     /// Takes note that the next `count` bytes of what waits are written; bytes beyond that do not count. `sent` is given
     /// each message that is written whole.
-    pub fn note_written(&mut self, count: usize, mut sent: impl FnMut(&M)) {
+    pub fn note_written(&mut self, count: usize, mut sent: impl FnMut(M)) {
         if count == 0 {
             return;
         }
@@ -204,9 +224,8 @@ impl<M: Pieces> Outbox<M> {
         while let Some(first) = self.waiting.front()
             && let Some(rest) = left.checked_sub(first.pieces().map(<[u8]>::len).sum())
         {
-            sent(first);
             bytes += first.bytes();
-            _ = self.remove();
+            self.remove().into_iter().for_each(&mut sent);
             left = rest;
         }
         self.share.give(bytes);
@@ -263,9 +282,31 @@ mod tests {
         let newest = outbox.push("five", 2, Overflow::DropNewest, |_| panic!("it is refused"));
         assert_eq!(newest, Err(("five", DropReason::SendQueueFull)));
         let mut sent = Vec::new();
-        assert!(outbox.write(socket(&mut out, 99), |whole| sent.push(*whole)).unwrap());
+        assert!(outbox.write(socket(&mut out, 99), |whole| sent.push(whole)).unwrap());
         assert_eq!((out.as_slice(), sent), (&b"onefour"[..], vec!["one", "four"]));
         assert_eq!((outbox.sent(), outbox.is_empty(), outbox.share.used()), ((2, 7), true, 0));
+    }
+
+    #[test]
+    fn the_newest_message_takes_more_where_there_is_room() {
+        static SMALL: crate::budget::Budget = crate::budget::Budget::new(30);
+        let mut outbox = Outbox::of(Share::of(&SMALL));
+        let grow = |outbox: &mut Outbox<&'static str>, to| {
+            outbox.extend(2, |last| {
+                *last = to;
+                true
+            })
+        };
+        assert_eq!(grow(&mut outbox, "none"), Ok(false));
+        outbox.push("one", 9, Overflow::DropNewest, drop).unwrap();
+        assert_eq!(outbox.extend(2, |_| false), Ok(false));
+        assert_eq!(grow(&mut outbox, "oneup"), Ok(true));
+        assert_eq!(outbox.extend(3, |_| panic!("no room")), Err(DropReason::OverBudget));
+        let mut out = Vec::new();
+        assert!(!outbox.write(socket(&mut out, 4), |_| panic!("it is not whole")).unwrap());
+        assert_eq!(grow(&mut outbox, "oneuply"), Ok(true));
+        assert!(outbox.write(socket(&mut out, 99), drop).unwrap());
+        assert_eq!((out.as_slice(), outbox.share.used()), (&b"oneuply"[..], 0));
     }
 
     #[test]

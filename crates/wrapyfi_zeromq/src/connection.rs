@@ -23,7 +23,7 @@ use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::io::{IoProgress, token};
 use super::link::{self, BrokerLink};
-use super::message::Batch;
+use super::message::Outgoing;
 use super::options;
 use super::peer::Peer;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -365,13 +365,16 @@ impl Connection {
     /// True where so many messages wait, for a queue of `hwm`, that whoever has another writes some of them first.
     pub(super) fn is_crowded(&self, hwm: Option<usize>) -> bool {
         let most = hwm.map_or(BURST_MESSAGES, |hwm| BURST_MESSAGES.min(hwm / 2));
-        self.peer().is_some_and(|peer| peer.outbox.len() > most)
+        self.peer().is_some_and(|peer| peer.waiting > most)
     }
 
-    /// Closes the second descriptor where no thread uses it.
-    pub(super) fn close_second(&mut self) {
+    /// Gives back what a burst needed: memory, and the second descriptor, where no thread uses it.
+    pub(super) fn end_burst(&mut self) {
         if !self.is_lent && !self.is_flushing {
             self.stream = None;
+        }
+        if let Some(peer) = self.peer_mut() {
+            peer.spare = None;
         }
     }
 
@@ -385,20 +388,21 @@ impl Connection {
         self.peer().is_some_and(|peer| peer.is_blocked)
     }
 
-    /// Takes into `batch` what waits, for the I/O thread to write without the socket's lock into the connection that is
-    /// returned, with the number of bytes of it that are written already; `None` where nothing waits, or there is no room
+    /// The batch of small messages that goes next, for the I/O thread to write without the socket's lock into the connection that is
+    /// returned, and the number of its bytes that are written already; `None` where no batch goes next, or there is no room
     /// or no descriptor for it. [`Self::end_flush`] has to follow.
-    pub(super) fn begin_flush(&mut self, batch: &mut Batch) -> Option<(Arc<TcpStream>, usize)> {
+    pub(super) fn begin_flush(&mut self) -> Option<(Arc<TcpStream>, Arc<Vec<u8>>, usize)> {
         // A panic may have ended the flush before.
         self.is_flushing = false;
         let Way::Up(peer) = &mut self.way else { return None };
-        if !peer.is_open() || peer.is_blocked || peer.outbox.is_empty() {
+        if !peer.is_open() || peer.is_blocked {
             return None;
         }
+        let Some(Outgoing::Batch(batch)) = peer.outbox.first() else { return None };
+        let bytes = batch.bytes();
         let stream = second(&mut self.stream, peer)?;
-        batch.take(&peer.outbox);
         self.is_flushing = true;
-        Some((stream, peer.outbox.written()))
+        Some((stream, bytes, peer.outbox.written()))
     }
 
     /// Takes note of the first `count` bytes, which were written; true where more waits.

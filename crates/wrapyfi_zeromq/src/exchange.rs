@@ -268,9 +268,8 @@ impl SocketRole for Exchange {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        let replies = peer.outbox.iter().filter_map(Outgoing::message);
-        for (_, bytes) in replies.filter_map(|message| message.of.as_ref()) {
-            self.context.counters.undelivered(reason, *bytes);
+        for (bytes, _) in peer.outbox.iter().flat_map(Outgoing::published) {
+            self.context.counters.undelivered(reason, bytes);
         }
     }
 

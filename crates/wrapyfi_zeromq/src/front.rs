@@ -563,8 +563,8 @@ impl Front {
             return;
         }
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);
-        let waiting = peer.outbox.iter().filter(|it| it.is_of_publisher());
-        self.losses.extend(waiting.filter_map(Outgoing::message).map(lost));
+        let waiting = peer.outbox.iter().filter_map(Outgoing::message);
+        self.losses.extend(waiting.filter(|message| message.of.is_some()).map(lost));
     }
 }
 

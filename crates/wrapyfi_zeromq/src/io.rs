@@ -23,7 +23,6 @@ use std::time::{Duration, Instant};
 
 use mio::{Events, Poll, Registry, Token, Waker};
 
-use super::message::Batch;
 use super::options;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
@@ -98,7 +97,7 @@ impl Io {
             poll,
             ends: BTreeMap::new(),
             ready: BTreeSet::new(),
-            bursts: Default::default(),
+            bursts: BTreeSet::new(),
             timed: Timed::default(),
             faults: Throttle::default(),
             pause: Backoff::of_process(4).up_to(backoff::FIRST),
@@ -126,8 +125,8 @@ pub(super) trait IoEndpoint: Send {
     /// Handles what happened to the socket, without waiting.
     fn look(&mut self, now: Instant, registry: &Registry, faults: &mut Throttle) -> IoProgress;
 
-    /// Sends some of a burst of messages, through an empty `batch`; true when more may wait.
-    fn flush(&mut self, batch: &mut Batch) -> bool;
+    /// Sends some of a burst of messages; true when more may wait.
+    fn flush(&mut self) -> bool;
 
     /// Has the socket end: a look that follows tells when it is over.
     fn close(&mut self, now: Instant);
@@ -184,8 +183,8 @@ struct Worker {
     ends: BTreeMap<u64, Box<dyn IoEndpoint>>,
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
-    /// Endpoints that have a burst of messages to send, and what is sent of it at once.
-    bursts: (BTreeSet<u64>, Batch),
+    /// Endpoints that have a burst of messages to send.
+    bursts: BTreeSet<u64>,
     timed: Timed,
     faults: Throttle,
     /// Pauses of an endpoint that did something wrong, all of them short.
@@ -231,7 +230,7 @@ impl Worker {
             }
             let next = self.timed.next().into_iter().chain(until).min();
             let left = next.map(|at| at.saturating_duration_since(Instant::now()));
-            let is_idle = self.ready.is_empty() && self.bursts.0.is_empty();
+            let is_idle = self.ready.is_empty() && self.bursts.is_empty();
             let wait = if is_idle { left } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, wait)
                 && error.kind() != std::io::ErrorKind::Interrupted
@@ -255,7 +254,7 @@ impl Worker {
             match command {
                 Command::Open(id, end) => self.add(id, end),
                 Command::Look(id) => _ = self.ready.insert(id),
-                Command::Flush(id) => _ = self.bursts.0.insert(id),
+                Command::Flush(id) => _ = self.bursts.insert(id),
                 Command::Close(id) => self.close(id),
             }
         }
@@ -304,17 +303,16 @@ impl Worker {
 
     /// Sends for each burst what has come by now.
     fn flush(&mut self) {
-        let (mut bursts, mut batch) = std::mem::take(&mut self.bursts);
+        let mut bursts = std::mem::take(&mut self.bursts);
         bursts.retain(|id| {
             let Some(end) = self.ends.get_mut(id) else { return false };
-            let flush = || (0..BATCHES).all(|_| end.flush(&mut batch));
+            let flush = || (0..BATCHES).all(|_| end.flush());
             catch_unwind(AssertUnwindSafe(flush)).unwrap_or_else(|_| {
                 self.fault(Instant::now());
-                batch = Batch::default();
                 true
             })
         });
-        self.bursts = (bursts, batch);
+        self.bursts = bursts;
     }
 
     /// Says that an endpoint panicked, which is looked at again after a pause.

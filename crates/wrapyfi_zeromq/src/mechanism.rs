@@ -83,12 +83,31 @@ impl Mechanism {
     /// # Errors
     /// When it cannot be sealed.
     pub(super) fn sealed(&mut self, frames: &[Bytes]) -> Result<Option<Bytes>, curve::Breach> {
-        let Self::Curve(secured) = self else { return Ok(None) };
-        let mut sealed = Vec::new();
-        for (index, frame) in frames.iter().enumerate() {
-            secured.curve.seal(false, index + 1 < frames.len(), frame, &mut sealed)?;
+        if matches!(self, Self::Null) {
+            return Ok(None);
         }
+        let mut sealed = Vec::new();
+        self.append(frames, &mut sealed)?;
         Ok(Some(sealed.into()))
+    }
+
+    /// Appends a message that goes next as its bytes go on the wire.
+    ///
+    /// # Errors
+    /// When it cannot be sealed.
+    pub(super) fn append(
+        &mut self,
+        frames: &[impl AsRef<[u8]>],
+        out: &mut Vec<u8>,
+    ) -> Result<(), curve::Breach> {
+        let Self::Curve(secured) = self else {
+            zmtp::append(frames, out);
+            return Ok(());
+        };
+        for (index, frame) in frames.iter().map(AsRef::as_ref).enumerate() {
+            secured.curve.seal(false, index + 1 < frames.len(), frame, out)?;
+        }
+        Ok(())
     }
 
     /// Takes a command of the handshake; `kind` is our type of socket.

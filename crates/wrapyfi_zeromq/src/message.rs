@@ -9,12 +9,10 @@ use smallvec::SmallVec;
 
 use super::own_messages::Fingerprint;
 use super::zmtp;
-use wrapyfi_endpoint::{DropReason, Outbox, Pieces, Waits};
+use wrapyfi_endpoint::{DropReason, Pieces, Waits};
 
-/// Messages that are written with one call at most.
+/// Messages of a batch at most.
 const BATCH_MESSAGES: usize = 64;
-/// Bytes that are written with one call at most.
-const BATCH_BYTES: usize = 64 * 1024;
 
 /// Bytes of a message in pieces, of which a small message has one.
 pub(super) type Parts = SmallVec<[Bytes; 1]>;
@@ -36,31 +34,39 @@ pub(super) struct Message {
 }
 
 /// A message, or bytes of a handshake, that waits for one peer.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) enum Outgoing {
     /// Bytes of the handshake or a command, which are few and do not count as waiting.
     Word(Bytes),
     /// A message, and its bytes for this peer alone where they are sealed.
     Message(Arc<Message>, Option<Bytes>),
+    /// Small messages of a publisher of ours.
+    Batch(Box<Batch>),
 }
 
 impl Outgoing {
     pub(super) fn message(&self) -> Option<&Arc<Message>> {
         match self {
-            Self::Word(_) => None,
+            Self::Word(_) | Self::Batch(_) => None,
             Self::Message(message, _) => Some(message),
         }
     }
 
-    /// True for a message of a publisher, which counts against the high-water mark.
-    pub(super) fn is_of_publisher(&self) -> bool {
-        self.message().is_some_and(|message| message.of.is_some())
+    /// Messages of a publisher, which count against the high-water mark: the size of each as its publisher counts it, and its fingerprint.
+    pub(super) fn published(&self) -> impl Iterator<Item = (usize, Option<Fingerprint>)> {
+        let batch = if let Self::Batch(batch) = self { &batch.messages[..] } else { &[] };
+        let one = self.message().and_then(|one| Some((one.of.as_ref()?.1, one.print)));
+        batch.iter().copied().chain(one)
     }
 }
 
 impl Waits for Outgoing {
     fn bytes(&self) -> usize {
-        self.message().map_or(0, |message| message.bytes)
+        match self {
+            Self::Word(_) => 0,
+            Self::Message(message, _) => message.bytes,
+            Self::Batch(batch) => batch.messages.iter().map(|(bytes, _)| bytes).sum(),
+        }
     }
 }
 
@@ -69,42 +75,48 @@ impl Pieces for Outgoing {
         let pieces = match self {
             Self::Word(bytes) | Self::Message(_, Some(bytes)) => std::slice::from_ref(bytes),
             Self::Message(message, None) => &message.parts,
+            Self::Batch(_) => &[],
         };
-        pieces.iter().map(|piece| &piece[..])
+        let batch = if let Self::Batch(batch) = self { Some(&batch.bytes[..]) } else { None };
+        pieces.iter().map(|piece| &piece[..]).chain(batch)
     }
 }
 
-/// Messages of a burst that are written with one call.
-#[derive(Default)]
+/// Small messages for one peer, which lie one behind the other: their memory is used again, and two threads share as little of it as can be.
+#[derive(Debug, Default)]
 pub(super) struct Batch {
-    messages: Vec<Outgoing>,
-    bytes: Vec<u8>,
+    /// Their bytes as they go on the wire. They grow until the I/O thread has them, which then writes them without a lock.
+    bytes: Arc<Vec<u8>>,
+    /// Size of each as its publisher counts it, and its fingerprint.
+    messages: Vec<(usize, Option<Fingerprint>)>,
 }
 
 impl Batch {
-    /// Takes the first messages that wait in place of those before; they stay in the queue until they are written.
-    pub(super) fn take(&mut self, outbox: &Outbox<Outgoing>) {
+    /// Takes another message, whose bytes `put` appends; `None` where the I/O thread has the batch, or it is full.
+    pub(super) fn take<T>(
+        &mut self,
+        size: usize,
+        print: Option<Fingerprint>,
+        put: impl FnOnce(&mut Vec<u8>) -> T,
+    ) -> Option<T> {
+        let bytes = Arc::get_mut(&mut self.bytes).filter(|_| self.messages.len() < BATCH_MESSAGES)?;
+        self.messages.push((size, print));
+        Some(put(bytes))
+    }
+
+    /// Its bytes, for the I/O thread.
+    pub(super) fn bytes(&self) -> Arc<Vec<u8>> {
+        Arc::clone(&self.bytes)
+    }
+
+    /// The same, empty, for other messages.
+    pub(super) fn emptied(mut self: Box<Self>) -> Box<Self> {
         self.messages.clear();
-        self.messages.extend(outbox.iter().take(BATCH_MESSAGES).cloned());
-    }
-
-    /// Bytes to write, behind the first `written`; what is too much for one call stays for the next.
-    pub(super) fn bytes(&mut self, written: usize) -> &[u8] {
-        self.bytes.clear();
-        let mut skip = written;
-        for piece in self.messages.iter().flat_map(Outgoing::pieces) {
-            let rest = piece.get(skip..).unwrap_or_default();
-            skip = skip.saturating_sub(piece.len());
-            let room = BATCH_BYTES.saturating_sub(self.bytes.len());
-            self.bytes.extend_from_slice(rest.get(..room).unwrap_or(rest));
+        match Arc::get_mut(&mut self.bytes) {
+            Some(bytes) => bytes.clear(),
+            None => self.bytes = Arc::default(),
         }
-        &self.bytes
-    }
-
-    /// Lets go of the messages, into `spent` where that has room.
-    pub(super) fn leave(&mut self, spent: &mut Vec<Outgoing>) {
-        let room = (2 * BATCH_MESSAGES).saturating_sub(spent.len());
-        spent.extend(self.messages.drain(..).take(room));
+        self
     }
 }
 
@@ -150,32 +162,28 @@ impl Message {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wrapyfi_endpoint::Overflow;
 
     #[test]
-    fn a_batch_goes_on_where_the_one_before_ended() {
-        let (mut outbox, mut batch) = (Outbox::default(), Batch::default());
-        let small = (0..200_usize).map(|n| vec![vec![n as u8; n % 9], vec![7; n % 5]]);
-        let large = vec![vec![1; 3], vec![2; 5000], vec![3; BATCH_BYTES + 1000]];
-        for frames in small.chain([large, vec![vec![4; 10]]]) {
-            let message = Message::new(frames, false, Some((Bytes::new(), 1)), None);
-            let message = Outgoing::Message(message, None);
-            outbox.push(message, 999, Overflow::DropNewest, drop).unwrap();
-        }
-        let whole: Vec<u8> = outbox.iter().flat_map(Outgoing::pieces).flatten().copied().collect();
-        let (mut written, mut sent) = (Vec::new(), 0);
-        for count in [1, 2, 4, 3, 700, 11, 65_536, 5000].into_iter().cycle() {
-            batch.take(&outbox);
-            let bytes = batch.bytes(outbox.written());
-            assert!(bytes.len() <= BATCH_BYTES);
-            let bytes = &bytes[..count.min(bytes.len())];
-            written.extend_from_slice(bytes);
-            outbox.note_written(bytes.len(), |_| sent += 1);
-            if outbox.is_empty() {
-                break;
-            }
-        }
-        assert!(written == whole, "{} of {} bytes", written.len(), whole.len());
-        assert_eq!((sent, outbox.sent().1), (202, whole.len() as u64));
+    fn a_batch_takes_messages_until_another_has_it_or_it_is_full() {
+        let mut batch = Box::<Batch>::default();
+        let put = |batch: &mut Batch, byte: u8| batch.take(3, None, |out| out.push(byte)).is_some();
+        assert!(put(&mut batch, 1) && put(&mut batch, 2));
+        let writes = batch.bytes();
+        assert!(!put(&mut batch, 3), "it is being written");
+        assert_eq!(*writes, [1, 2]);
+        drop(writes);
+        assert_eq!((4..=255).filter(|byte| put(&mut batch, *byte)).count(), BATCH_MESSAGES - 2);
+        let outgoing = Outgoing::Batch(batch);
+        assert_eq!(outgoing.bytes(), 3 * BATCH_MESSAGES);
+        assert_eq!(outgoing.published().count(), BATCH_MESSAGES);
+        let pieces: Vec<u8> = outgoing.pieces().flatten().copied().collect();
+        assert_eq!((pieces.len(), &pieces[..3]), (BATCH_MESSAGES, &[1, 2, 4][..]));
+        let Outgoing::Batch(batch) = outgoing else { unreachable!() };
+        let mut batch = batch.emptied();
+        assert!(batch.bytes().is_empty() && put(&mut batch, 9));
+        let writes = batch.bytes();
+        let mut other = batch.emptied();
+        assert!(put(&mut other, 8), "memory that is still in use is not used again");
+        assert_eq!((&writes[..], &other.bytes()[..]), (&[9][..], &[8][..]));
     }
 }

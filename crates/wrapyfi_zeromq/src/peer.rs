@@ -19,7 +19,8 @@ use super::curve::{Curve, Grant, OVERHEAD};
 use super::ends::End;
 use super::heard::{ConnectionEnd, Heard};
 use super::mechanism::{Mechanism, Secured};
-use super::message::{Message, Outgoing};
+use super::message::{Batch, Message, Outgoing};
+use super::own_messages::Fingerprint;
 use super::options;
 use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, HandshakeStep, Kind};
@@ -74,7 +75,9 @@ pub(super) struct Peer<S = TcpStream> {
     pub(super) is_refused: bool,
     pub(super) outbox: Outbox<Outgoing>,
     /// Messages in it that are counted against the high-water mark.
-    waiting: usize,
+    pub(super) waiting: usize,
+    /// Memory for the next batch of small messages.
+    pub(super) spare: Option<Box<Batch>>,
     /// The connection takes no more until the system says so.
     pub(super) is_blocked: bool,
     /// Share of the message that has begun in the process's budget of waiting bytes.
@@ -107,6 +110,7 @@ impl<S: Read + Write> Peer<S> {
             is_refused: false,
             outbox: Outbox::default(),
             waiting: 0,
+            spare: None,
             is_blocked: false,
             begun: Share::default(),
             since: now,
@@ -219,10 +223,47 @@ impl<S: Read + Write> Peer<S> {
         }
     }
 
+    /// Takes a small message of a publisher of ours, of `bytes` bytes, into its queue, which no other peer is to get.
+    ///
+    /// # Errors
+    /// Why there is no room for it.
+    pub(super) fn queue_small(
+        &mut self,
+        frames: &[Vec<u8>],
+        bytes: usize,
+        print: Option<Fingerprint>,
+        hwm: Option<usize>,
+    ) -> Result<(), DropReason> {
+        let Self { outbox, mechanism, waiting, spare, .. } = self;
+        if hwm.is_some_and(|hwm| *waiting >= hwm) {
+            return Err(DropReason::Stalled);
+        }
+        let mut put = |batch: &mut Batch| {
+            batch.take(bytes, print, |out| mechanism.append(frames, out))
+        };
+        let mut is_put = None;
+        let takes = |last: &mut Outgoing| {
+            if let Outgoing::Batch(batch) = last {
+                is_put = put(batch);
+            }
+            is_put.is_some()
+        };
+        if !outbox.extend(bytes, takes)? {
+            let mut batch = spare.take().unwrap_or_default();
+            is_put = put(&mut batch);
+            let batch = Outgoing::Batch(batch);
+            let pushed = outbox.push(batch, usize::MAX, Overflow::DropNewest, drop);
+            pushed.map_err(|(_, reason)| reason)?;
+        }
+        *waiting += 1;
+        // A connection whose sealing has failed, which does not happen, sends what the broker ends it for.
+        is_put.and_then(Result::ok).ok_or(DropReason::SendFailed)
+    }
+
     pub(super) fn write(&mut self) -> std::io::Result<()> {
-        let Self { stream, outbox, waiting, is_blocked, .. } = self;
+        let Self { stream, outbox, waiting, spare, is_blocked, .. } = self;
         if !*is_blocked {
-            let sent = |sent: &Outgoing| *waiting -= usize::from(sent.is_of_publisher());
+            let sent = |sent| note_sent(sent, waiting, spare);
             *is_blocked = !outbox.write(|slices| stream.write_vectored(slices), sent)?;
         }
         Ok(())
@@ -230,8 +271,8 @@ impl<S: Read + Write> Peer<S> {
 
     /// Takes note that the first `count` bytes of what waits were written by another than [`Self::write`].
     pub(super) fn note_written(&mut self, count: usize) {
-        let Self { outbox, waiting, .. } = self;
-        outbox.note_written(count, |sent| *waiting -= usize::from(sent.is_of_publisher()));
+        let Self { outbox, waiting, spare, .. } = self;
+        outbox.note_written(count, |sent| note_sent(sent, waiting, spare));
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
@@ -558,6 +599,14 @@ impl<S: Read + Write> Peer<S> {
             Some(_) => {}
         }
         true
+    }
+}
+
+/// Takes note of something that was sent as a whole: messages wait no more, and the memory of a batch is for the next.
+fn note_sent(sent: Outgoing, waiting: &mut usize, spare: &mut Option<Box<Batch>>) {
+    *waiting -= sent.published().count();
+    if let Outgoing::Batch(batch) = sent {
+        *spare = Some(batch.emptied());
     }
 }
 

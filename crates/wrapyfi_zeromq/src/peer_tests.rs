@@ -100,3 +100,72 @@ fn a_connection_within_the_process_is_not_asked_whether_it_lives() {
     assert!(peer.is_alive(silent));
     assert_eq!(peer.outbox.len(), 1);
 }
+
+/// Takes at most `room` bytes, and has none to read.
+#[derive(Default)]
+struct Wire {
+    taken: Vec<u8>,
+    room: usize,
+}
+
+impl Read for Wire {
+    fn read(&mut self, _buffer: &mut [u8]) -> std::io::Result<usize> {
+        Err(ErrorKind::WouldBlock.into())
+    }
+}
+
+impl Write for Wire {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let count = bytes.len().min(self.room);
+        self.room -= count;
+        self.taken.extend_from_slice(&bytes[..count]);
+        if count == 0 { Err(ErrorKind::WouldBlock.into()) } else { Ok(count) }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn small_messages_go_whole_and_in_order_whoever_writes_them() {
+    let mut peer = Peer::new(Wire::default(), "127.0.0.1:1".parse().unwrap(), Instant::now());
+    drop(peer.outbox.drain());
+    let (mut wanted, mut written_by_other) = (Vec::new(), 0);
+    for n in 0..600_usize {
+        let frames = [vec![b'/'; n % 4], vec![n as u8; n * n % 300]];
+        let bytes = frames.iter().map(Vec::len).sum();
+        zmtp::append(&frames, &mut wanted);
+        // Another takes the batch that goes next, as the I/O thread does, while this message comes.
+        let taken = match peer.outbox.first() {
+            Some(Outgoing::Batch(batch)) if n % 3 == 0 => Some(batch.bytes()),
+            _ => None,
+        };
+        if n % 50 == 49 {
+            let message = Message::new(frames.to_vec(), false, Some((Bytes::new(), bytes)), None);
+            peer.queue(&message, None).unwrap();
+        } else {
+            peer.queue_small(&frames, bytes, None, None).unwrap();
+        }
+        if let Some(batch) = taken {
+            let rest = &batch[peer.outbox.written()..];
+            let count = rest.len().min(n * 7 % 400);
+            peer.stream.taken.extend_from_slice(&rest[..count]);
+            drop(batch);
+            peer.note_written(count);
+            written_by_other += count;
+        } else if n % 11 == 0 {
+            (peer.stream.room, peer.is_blocked) = (n * 11 % 300, false);
+            peer.write().unwrap();
+        }
+    }
+    assert!(peer.waiting > 64 && written_by_other > 10_000, "{} {written_by_other}", peer.waiting);
+    assert_eq!(
+        peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting)),
+        Err(DropReason::Stalled)
+    );
+    (peer.stream.room, peer.is_blocked) = (usize::MAX, false);
+    peer.write().unwrap();
+    assert!(peer.stream.taken == wanted, "{} of {}", peer.stream.taken.len(), wanted.len());
+    assert_eq!((peer.waiting, peer.outbox.len()), (0, 0));
+}

@@ -23,7 +23,7 @@ use super::shared::ZeroMqState;
 use super::socket::Socket;
 use wrapyfi_endpoint::{Context, DropReason};
 
-/// Bytes up to which a message of a burst is left to the I/O thread: 64 of them together are little among what may wait.
+/// Bytes up to which a message of a burst is left to the I/O thread, and lies with others: 64 of them together are little among what may wait.
 const SMALL_BYTES: usize = 1024;
 
 /// A publisher of one topic.
@@ -132,14 +132,17 @@ impl PublicationSocket {
         bytes: usize,
         print: Option<Fingerprint>,
     ) -> Result<bool, DropReason> {
+        if bytes <= SMALL_BYTES {
+            return self.send_small(|role, connection| {
+                let peer = role.peer(connection)?;
+                peer.queue_small(&frames, bytes, print, role.hwm).map(|()| peer.is_refused)
+            });
+        }
         let message = Message::new(frames, self.is_sealed, Some((Bytes::new(), bytes)), print);
-        let put = |role: &mut Publication, connection: &mut Connection| {
-            let peer = connection.peer_mut().filter(|peer| takes_messages(peer));
-            // A broker that has just come into this process is given the next: it would be there first.
-            let peer = peer.filter(|_| role.inside.is_none()).ok_or(DropReason::SendFailed)?;
+        self.send(|role, connection| {
+            let peer = role.peer(connection)?;
             peer.queue(&message, role.hwm).map(|()| peer.is_refused)
-        };
-        if bytes <= SMALL_BYTES { self.send_small(put) } else { self.send(put) }
+        })
     }
 
     /// Gives a message to the broker of this process; true where that refuses it.
@@ -154,6 +157,15 @@ impl PublicationSocket {
     }
 }
 
+impl Publication {
+    /// The broker, where messages go to it through its connection.
+    fn peer<'c>(&self, connection: &'c mut Connection) -> Result<&'c mut Peer, DropReason> {
+        let peer = connection.peer_mut().filter(|peer| takes_messages(peer));
+        // A broker that has just come into this process is given the next: it would be there first.
+        peer.filter(|_| self.inside.is_none()).ok_or(DropReason::SendFailed)
+    }
+}
+
 impl SocketRole for Publication {
     fn begin(&mut self, peer: Peer) -> Peer {
         self.inside = self.ledger.broker.lock().clone().filter(Inside::is_there);
@@ -161,11 +173,9 @@ impl SocketRole for Publication {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        for message in peer.outbox.iter().filter_map(Outgoing::message) {
-            if let Some((_, bytes)) = message.of {
-                self.context.counters.undelivered(reason, bytes);
-            }
-            self.own.forget(message.print);
+        for (bytes, print) in peer.outbox.iter().flat_map(Outgoing::published) {
+            self.context.counters.undelivered(reason, bytes);
+            self.own.forget(print);
         }
     }
 

@@ -25,7 +25,6 @@ use mio::Registry;
 use super::connection::{Connection, SocketRole};
 use super::io::{Command, Handle, IoEndpoint, IoProgress};
 use super::link::BrokerLink;
-use super::message::{Batch, Outgoing};
 use super::options;
 use wrapyfi_endpoint::{Context, Mutex, Pollable, Throttle};
 
@@ -61,20 +60,17 @@ const PAUSE: Duration = Duration::from_micros(500);
 /// that watches the connection by itself.
 const BURST_OVER: Duration = Duration::from_secs(1);
 
-/// Mean time between the messages that an owner sends, and those that were sent.
+/// Mean time between the messages that an owner sends.
 struct Burst {
     last: Option<Instant>,
     gap: Duration,
     /// True while the I/O thread has been asked to send what waits.
     is_asked: bool,
-    /// Messages that the I/O thread has sent, whose memory is given back by the thread that took it: two threads that give and take in
-    /// one heap wait for each other at each message.
-    spent: Vec<Outgoing>,
 }
 
 impl Default for Burst {
     fn default() -> Self {
-        Self { last: None, gap: LONG_GAP, is_asked: false, spent: Vec::new() }
+        Self { last: None, gap: LONG_GAP, is_asked: false }
     }
 }
 
@@ -167,9 +163,7 @@ impl<R: SocketRole> Socket<R> {
         }
         let is_to_ask = !burst.is_asked && !connection.is_blocked();
         burst.is_asked |= is_to_ask;
-        let spent = [burst.spent.pop(), burst.spent.pop()];
         drop(state);
-        drop(spent);
         if is_to_ask {
             self.io.send(Command::Flush(self.id));
         }
@@ -217,8 +211,7 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         let mut state = self.state.lock();
         let SocketState { connection, role, burst } = &mut *state;
         if burst.is_over(now) {
-            connection.close_second();
-            burst.spent = Vec::new();
+            connection.end_burst();
         }
         let before = (role.seen(connection), connection.link.state());
         let progress = connection.turn(role, now, registry, faults);
@@ -230,23 +223,24 @@ impl<R: SocketRole> IoEndpoint for Arc<Socket<R>> {
         progress
     }
 
-    fn flush(&mut self, batch: &mut Batch) -> bool {
+    fn flush(&mut self) -> bool {
         let flush = self.flush.lock();
         let mut state = self.state.lock();
-        let Some((stream, written)) = state.connection.begin_flush(batch) else {
+        let Some((stream, batch, written)) = state.connection.begin_flush() else {
             state.burst.is_asked = false;
             drop(flush);
-            // At the limit of open files there is no second descriptor: then it is written as any other.
+            // At the limit of open files there is no second descriptor, and another thing may go first: then it is written as any other.
             self.write(state);
             return false;
         };
         drop(state);
-        let bytes = batch.bytes(written);
+        let bytes = batch.get(written..).unwrap_or_default();
         let (count, size) = ((&*stream).write(bytes).unwrap_or(0), bytes.len());
+        // Its memory is used again.
+        drop(batch);
         let mut state = self.state.lock();
         let has_more = state.connection.end_flush(count);
         state.burst.is_asked = has_more;
-        batch.leave(&mut state.burst.spent);
         drop(flush);
         match count < size {
             // The connection has no room or has ended: the next call tells.

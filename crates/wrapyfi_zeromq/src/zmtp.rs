@@ -236,6 +236,14 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
     Some(Header { is_command, more, length, size })
 }
 
+/// Appends a message as its frames go on the wire.
+pub(super) fn append(frames: &[impl AsRef<[u8]>], out: &mut Vec<u8>) {
+    for (index, body) in frames.iter().map(AsRef::as_ref).enumerate() {
+        put_header(false, index + 1 < frames.len(), body.len(), out);
+        out.extend_from_slice(body);
+    }
+}
+
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
 pub(super) fn encode<F: AsRef<[u8]> + Into<Bytes>>(frames: Vec<F>) -> Parts {
     let sizes = frames.iter().map(|body| body.as_ref().len());

@@ -16,8 +16,8 @@ type Result<T> = std::result::Result<T, EncodeError>;
 
 /// Deepest nesting that is written: Python's decoder raises beyond about three times this.
 const MAX_DEPTH: usize = 300;
-/// Size up to which a text keeps memory that was taken for it and is not needed.
-const SHORT: usize = 1024;
+/// Room for a text at its begin: a short one needs no more, an array takes what it needs at once.
+const SHORT: usize = 256;
 
 struct Encoder<'a> {
     plugins: &'a Plugins,
@@ -31,61 +31,13 @@ pub(super) fn run(
     tensors: Option<Vec<Tensor>>,
     plugins: &Plugins,
 ) -> Result<(Vec<u8>, Vec<Tensor>)> {
-    let capacity = expected_length(value, tensors.is_none());
-    let mut encoder = Encoder { plugins, out: Vec::with_capacity(capacity), tensors };
+    let mut encoder = Encoder { plugins, out: Vec::with_capacity(SHORT), tensors };
     encoder.value(value, &Path::Root, 0)?;
-    // Shrinks in place; usually nothing is left to shrink but a few bytes, which of a short text are not worth a call.
-    if capacity > SHORT {
+    // Shrinks in place. Of a short text it would not be worth the call.
+    if encoder.out.capacity() > SHORT {
         encoder.out.shrink_to_fit();
     }
     Ok((encoder.out, encoder.tensors.unwrap_or_default()))
-}
-
-/// A guess that is rarely too low, and close where arrays make up the size.
-#[inline]
-fn expected_length(value: &Value, inline: bool) -> usize {
-    match value {
-        Value::Null | Value::Bool(_) => 5,
-        Value::Int(_) | Value::Float(_) => 20,
-        Value::Str(text) => text.len() + 2,
-        value => length_of_parts(value, inline),
-    }
-}
-
-/// The same, of a value that is more than a number or a text.
-fn length_of_parts(value: &Value, inline: bool) -> usize {
-    /// Brackets and tag around an array.
-    const FRAME: usize = 40;
-    let file = |header: Vec<u8>, data: usize| FRAME + base64::encoded_length(header.len() + data);
-    let items =
-        |items: &[Value]| items.iter().map(|v| 2 + expected_length(v, inline)).sum::<usize>();
-    match value {
-        Value::Null | Value::Bool(_) | Value::Int(_) | Value::Float(_) | Value::Str(_) => 20,
-        Value::BigInt(value) => usize::try_from(value.bits() / 3).unwrap_or_default() + 2,
-        Value::Utf16(units) => units.len() * 6 + 2,
-        Value::Bytes(_) => 0,
-        Value::List(members) => 2 + items(members),
-        Value::Tuple(members) | Value::Set(members) => FRAME + items(members),
-        Value::Map(map) => {
-            let pair =
-                |(key, value)| 4 + expected_length(key, inline) + expected_length(value, inline);
-            2 + map.iter().map(pair).sum::<usize>()
-        }
-        Value::DateTime(_) | Value::DateTime64(_) => FRAME + 48,
-        Value::Tensor(tensor) if inline => {
-            let (header, data) = npy::parts(tensor);
-            file(header, data.len())
-        }
-        Value::Tensor(_) => FRAME,
-        Value::Array(array) => file(npy::array_header(array), array.data.len()),
-        Value::Tagged(tagged) => tagged.json.len(),
-        // In the graph their arrays travel beside the text; on the wire they are mostly base64.
-        Value::Table(_)
-        | Value::Picture(_)
-        | Value::Quantity(_)
-        | Value::Labelled(_)
-        | Value::Object(_) => FRAME + if inline { value.size_hint() / 3 * 4 } else { 256 },
-    }
 }
 
 fn unrepresentable(what: impl Into<String>, path: &Path<'_>, remedy: &str) -> EncodeError {
@@ -179,6 +131,8 @@ impl Encoder<'_> {
 
     fn base64(&mut self, header: &[u8], data: &[u8]) -> Result<()> {
         self.out.push(b'"');
+        // With room for what follows, for which a text of megabytes is not to be moved.
+        self.out.reserve(base64::encoded_length(header.len() + data.len()) + 4 * SHORT);
         base64::append(header, data, &mut self.out);
         self.out.push(b'"');
         Ok(())
