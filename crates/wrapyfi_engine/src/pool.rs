@@ -267,6 +267,7 @@ impl Pool {
         if rung == Ok(Place::IDLE) {
             let mut state = self.state.lock();
             self.enqueue(&mut state, member);
+            self.watch(&mut state);
             let bell = match WAITING_WORKER.get() {
                 Some((pool, own)) if pool == self.address() => state.take_idle_worker(own),
                 _ => state.take_idle(),
@@ -290,6 +291,10 @@ impl Pool {
         } else {
             state.ready.push_back(member);
         }
+    }
+
+    /// Has the timekeeper look where a member waits and no worker is free.
+    fn watch(&self, state: &mut PoolState) {
         if !state.is_watched && state.waits_in_vain() {
             state.is_watched = true;
             self.tick.notify_one();
@@ -327,7 +332,10 @@ impl Pool {
         let mut recent = Recent::default();
         let mut state = self.state.lock();
         while !state.stop {
-            let Some((member, is_behind)) = state.next() else {
+            let next = state.next();
+            // Not when a member is put back: the worker that does so takes the next, which may be the same.
+            self.watch(&mut state);
+            let Some((member, is_behind)) = next else {
                 let is_needed = state.grown_at.is_some_and(|at| at.elapsed() < LOOK_EVERY);
                 let is_alone = state.idle.is_empty() && state.woken == 0;
                 if state.workers > self.base && !is_alone && !is_needed {
@@ -515,6 +523,31 @@ impl Pool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Route;
+    use wrapyfi_data::types::MessageType;
+    use wrapyfi_endpoint::Registry;
+
+    #[test]
+    fn the_timekeeper_is_told_of_members_that_wait_in_vain_and_not_of_those_that_their_worker_takes_again() {
+        let pool = Pool::new(Clock::default());
+        let route = "memory:/in".parse().and_then(|from| {
+            Ok(Route::topic(from, "memory:/out".parse()?, MessageType::NativeObject))
+        });
+        let (registry, counters) = (Registry::new(), Arc::default());
+        let weak = Arc::downgrade(&pool);
+        let member = Member::new(1, route.unwrap(), counters, &registry, None, weak);
+        let (mut state, now) = (PoolState { workers: 1, ..PoolState::default() }, Instant::now());
+        member.place.store(Place::RUNNING, Ordering::Release);
+        let busy = Progress { moved: 16, next: now };
+        pool.put_back(&mut state, Arc::clone(&member), Some(busy), now);
+        assert!(!state.is_watched, "the only worker takes it next");
+        assert!(state.next().is_some());
+        pool.watch(&mut state);
+        assert!(!state.is_watched, "nobody waits");
+        pool.enqueue(&mut state, member);
+        pool.watch(&mut state);
+        assert!(state.is_watched, "the only worker is in a step");
+    }
 
     #[test]
     fn distant_steps_come_together_and_never_early() {
