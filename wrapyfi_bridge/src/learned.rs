@@ -27,8 +27,6 @@ use crate::shutdown::Shutdown;
 
 /// Longest look for endpoints.
 const LOOK_WITHIN: Duration = Duration::from_secs(3);
-/// Shortest look at ROS 2, whose nodes on Fast DDS show after 1.0 to 1.2 s.
-const SHORTEST_OF_ROS2: Duration = Duration::from_millis(1600);
 /// Time that all endpoints together have to show their types.
 const LEARN_WITHIN: Duration = Duration::from_secs(10);
 /// Pause between two looks.
@@ -103,9 +101,7 @@ impl Look {
         let (begun, wake) = (Instant::now(), Wake::new());
         let found = loop {
             watch.look().context(side)?;
-            let is_early = side == ros2::NAME && begun.elapsed() < SHORTEST_OF_ROS2;
-            let told = watch.has_told_all() && !is_early;
-            if told || shutdown.requested() || begun.elapsed() >= LOOK_WITHIN {
+            if watch.has_told_all() || shutdown.requested() || begun.elapsed() >= LOOK_WITHIN {
                 break std::mem::take(&mut watch.found);
             }
             wake.wait(PAUSE);

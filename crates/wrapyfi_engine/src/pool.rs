@@ -528,7 +528,8 @@ mod tests {
     use wrapyfi_endpoint::Registry;
 
     #[test]
-    fn the_timekeeper_is_told_of_members_that_wait_in_vain_and_not_of_those_that_their_worker_takes_again() {
+    fn the_timekeeper_is_told_of_members_that_wait_in_vain_and_not_of_those_that_their_worker_takes_again()
+     {
         let pool = Pool::new(Clock::default());
         let route = "memory:/in".parse().and_then(|from| {
             Ok(Route::topic(from, "memory:/out".parse()?, MessageType::NativeObject))

@@ -307,6 +307,12 @@ impl Graph for CycloneGraph {
         self.node.peer_index().ok()?.changes()
     }
 
+    fn participants(&self) -> Option<Vec<[u8; 12]>> {
+        let own = self.node.gid.first_chunk();
+        let all = cyclone::participants(&self.node.participant).ok()?;
+        Some(all.into_iter().filter(|one| Some(one) != own).collect())
+    }
+
     fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
         self.watch_dds(names::topic_to_dds(topic), publishers, on_change)
     }

@@ -10,8 +10,10 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::action_discovery::with_actions;
+use super::completeness::{Completeness, Prefix};
 use super::discovery_info::TOPIC;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, ServiceMapping};
 use super::names::{self, RosName};
@@ -24,7 +26,12 @@ pub(super) struct Ros2Discovery {
     graph: Arc<dyn Graph>,
     nodes: Box<dyn NodeWatch>,
     /// The other watch of the names of nodes, and the participants for which it was opened.
-    again: (Option<Box<dyn NodeWatch>>, BTreeSet<[u8; 12]>),
+    again: (Option<Box<dyn NodeWatch>>, BTreeSet<Prefix>),
+    /// Participants whose publishers, subscriptions and nodes are known.
+    told: BTreeSet<Prefix>,
+    completeness: Completeness,
+    /// Endpoints of the last look, as long as looks are not complete.
+    before: Vec<Discovered>,
     /// Endpoints that were listed last, and [`Graph::changes`] from before that.
     listed: Option<(u64, Vec<Discovered>)>,
     carried_by: Option<Arc<str>>,
@@ -37,7 +44,10 @@ impl Ros2Discovery {
     ) -> Result<Self, DiscoverError> {
         let nodes = graph.nodes().map_err(|error| transport(&error))?;
         let again = (None, BTreeSet::new());
-        Ok(Self { graph: Arc::clone(graph), nodes, again, listed: None, carried_by })
+        let (graph, told) = (Arc::clone(graph), BTreeSet::new());
+        let completeness = Completeness::new(Instant::now());
+        let before = Vec::new();
+        Ok(Self { graph, nodes, again, told, completeness, before, listed: None, carried_by })
     }
 
     fn owner(&self, gid: &[u8; 16]) -> Option<&str> {
@@ -49,26 +59,31 @@ impl Ros2Discovery {
         let is_fast = |it: &&DiscoveredEndpoint| {
             !it.is_own && it.service_mapping == Some(ServiceMapping::FastDds)
         };
-        let participant = |it: &DiscoveredEndpoint| it.gid.first_chunk::<12>().copied();
         let (told_on, others): (Vec<_>, Vec<_>) =
             found.iter().filter(is_fast).partition(|it| it.dds_topic == TOPIC);
         let unnamed = others.into_iter().filter(|it| self.owner(&it.gid).is_none());
-        let unnamed: BTreeSet<[u8; 12]> = unnamed.filter_map(participant).collect();
+        let unnamed: BTreeSet<Prefix> = unnamed.filter_map(participant).collect();
         let tells = told_on.into_iter().filter(|it| it.is_publisher).filter_map(participant);
-        let unnamed: BTreeSet<[u8; 12]> = tells.filter(|it| unnamed.contains(it)).collect();
+        let unnamed: BTreeSet<Prefix> = tells.filter(|it| unnamed.contains(it)).collect();
         if !unnamed.is_subset(&self.again.1) {
             self.again = (Some(self.graph.nodes()?), unnamed);
         }
         Ok(())
     }
-}
 
-fn transport(error: &GraphError) -> DiscoverError {
-    DiscoverError::Transport { middleware: NAME.to_owned(), reason: error.to_string() }
-}
+    /// Takes note of which participants have told what they have.
+    fn note_told(&mut self, found: &[DiscoveredEndpoint]) {
+        let of = |meant: &dyn Fn(&DiscoveredEndpoint) -> bool| -> BTreeSet<Prefix> {
+            found.iter().filter(|it| meant(it)).filter_map(participant).collect()
+        };
+        // Publishers and subscriptions are told apart from each other, and every node of ROS has both there.
+        let sides =
+            [true, false].map(|it| of(&|one| one.is_publisher == it && one.dds_topic == TOPIC));
+        self.told = of(&|it| self.owner(&it.gid).is_some());
+        self.told.retain(|one| sides.iter().all(|side| side.contains(one)));
+    }
 
-impl Discovery for Ros2Discovery {
-    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+    fn look(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
         let mut is_news = false;
         for nodes in std::iter::once(&mut self.nodes).chain(&mut self.again.0) {
             is_news |= nodes.update();
@@ -84,6 +99,7 @@ impl Discovery for Ros2Discovery {
         self.listed = None;
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
         self.ask_again(&found).map_err(|error| transport(&error))?;
+        self.note_told(&found);
         let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);
         let found: Vec<_> = foreign
             .filter_map(|endpoint| {
@@ -96,6 +112,31 @@ impl Discovery for Ros2Discovery {
         found.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
         self.listed = changes.map(|changes| (changes, found.clone()));
         Ok(found)
+    }
+}
+
+fn participant(endpoint: &DiscoveredEndpoint) -> Option<Prefix> {
+    endpoint.gid.first_chunk().copied()
+}
+
+fn transport(error: &GraphError) -> DiscoverError {
+    DiscoverError::Transport { middleware: NAME.to_owned(), reason: error.to_string() }
+}
+
+impl Discovery for Ros2Discovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let found = self.look()?;
+        if !self.completeness.is_complete() {
+            let Self { graph, told, completeness, before, .. } = self;
+            let (now, participants) = (Instant::now(), graph.participants());
+            completeness.note(now, participants, found != *before, |one| told.contains(one));
+            *before = if completeness.is_complete() { Vec::new() } else { found.clone() };
+        }
+        Ok(found)
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(self.completeness.is_complete())
     }
 
     fn carried_by(&self) -> Option<&str> {

@@ -154,6 +154,11 @@ pub trait Graph: Send + Sync {
         None
     }
 
+    /// First twelve bytes of the GUIDs of the other participants that are known now; `None` where only their endpoints are.
+    fn participants(&self) -> Option<Vec<[u8; 12]>> {
+        None
+    }
+
     /// Begins to watch the endpoints that other participants have on a topic, given by its ROS name:
     /// publishers if `publishers`, else subscribers. `on_change` is called from a DDS thread when
     /// one comes, changes or goes, also for those that exist already, possibly before this returns.

@@ -78,6 +78,7 @@ mod action_tests;
 mod adapter;
 mod announcement;
 mod both_mappings;
+mod completeness;
 mod config;
 mod conventions;
 mod cyclone;

@@ -35,6 +35,11 @@ pub(super) fn mapping_of(
     }
 }
 
+/// True for an endpoint, or a participant, of Fast DDS.
+pub(super) fn is_fast_dds(guid: &[u8]) -> bool {
+    guid.starts_with(&[0x01, 0x0f])
+}
+
 /// True for an endpoint of RustDDS.
 pub(super) fn is_rustdds(guid: &[u8; 16]) -> bool {
     guid.starts_with(&[0x01, 0x12])

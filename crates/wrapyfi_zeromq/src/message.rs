@@ -99,7 +99,8 @@ impl Batch {
         print: Option<Fingerprint>,
         put: impl FnOnce(&mut Vec<u8>) -> T,
     ) -> Option<T> {
-        let bytes = Arc::get_mut(&mut self.bytes).filter(|_| self.messages.len() < BATCH_MESSAGES)?;
+        let bytes =
+            Arc::get_mut(&mut self.bytes).filter(|_| self.messages.len() < BATCH_MESSAGES)?;
         self.messages.push((size, print));
         Some(put(bytes))
     }

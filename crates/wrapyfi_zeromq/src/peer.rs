@@ -20,8 +20,8 @@ use super::ends::End;
 use super::heard::{ConnectionEnd, Heard};
 use super::mechanism::{Mechanism, Secured};
 use super::message::{Batch, Message, Outgoing};
-use super::own_messages::Fingerprint;
 use super::options;
+use super::own_messages::Fingerprint;
 use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, HandshakeStep, Kind};
 use wrapyfi_endpoint::{Budget, DropReason, Outbox, Overflow, PROGRESS, Share, WAITING};
@@ -238,9 +238,8 @@ impl<S: Read + Write> Peer<S> {
         if hwm.is_some_and(|hwm| *waiting >= hwm) {
             return Err(DropReason::Stalled);
         }
-        let mut put = |batch: &mut Batch| {
-            batch.take(bytes, print, |out| mechanism.append(frames, out))
-        };
+        let mut put =
+            |batch: &mut Batch| batch.take(bytes, print, |out| mechanism.append(frames, out));
         let mut is_put = None;
         let takes = |last: &mut Outgoing| {
             if let Outgoing::Batch(batch) = last {

@@ -160,10 +160,7 @@ fn small_messages_go_whole_and_in_order_whoever_writes_them() {
         }
     }
     assert!(peer.waiting > 64 && written_by_other > 10_000, "{} {written_by_other}", peer.waiting);
-    assert_eq!(
-        peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting)),
-        Err(DropReason::Stalled)
-    );
+    assert_eq!(peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting)), Err(DropReason::Stalled));
     (peer.stream.room, peer.is_blocked) = (usize::MAX, false);
     peer.write().unwrap();
     assert!(peer.stream.taken == wanted, "{} of {}", peer.stream.taken.len(), wanted.len());

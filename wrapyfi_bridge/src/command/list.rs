@@ -18,15 +18,13 @@ use crate::columns::aligned;
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
 use crate::middlewares;
-use crate::node::GRAPH;
 use crate::output;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
 /// Longest look where the command line has no time.
 const LONGEST: Duration = Duration::from_secs(3);
-/// Shortest look at ROS 2 where the command line has no time: nodes on Fast DDS show after 1.0 to 1.2 s.
-const SHORTEST_OF_ROS2: Duration = Duration::from_millis(1600);
+
 /// One side that is looked at.
 struct Side {
     name: &'static str,
@@ -104,18 +102,13 @@ fn looked(
             Err(failure) => failures.push((name, failure)),
         }
     }
-    let begun = Instant::now();
-    let deadline = begun + args.wait.unwrap_or(LONGEST);
+    let deadline = Instant::now() + args.wait.unwrap_or(LONGEST);
     let wake = Wake::new();
     loop {
         for side in &mut sides {
             side.watch.look().context(side.name)?;
         }
-        let told = args.wait.is_none()
-            && sides.iter().all(|side| {
-                let is_early = side.name == GRAPH && begun.elapsed() < SHORTEST_OF_ROS2;
-                side.watch.has_told_all() && !is_early
-            });
+        let told = args.wait.is_none() && sides.iter().all(|side| side.watch.has_told_all());
         if told || shutdown.requested() || Instant::now() >= deadline {
             break;
         }

@@ -1,6 +1,7 @@
-//! The endpoints that discovery has found, from Cyclone's built-in topics.
+//! The participants and endpoints that discovery has found, from Cyclone's built-in topics.
 //!
 //! ```text
+//!   DCPSParticipant ── take all ──▶ first bytes of its GUID
 //!   DCPSPublication, DCPSSubscription ── take all ──▶ EndpointFound { guid, topic, type, … }
 //!                          │ listener
 //!                          └─▶ notify, then BuiltinReader::take ──▶ found, or gone
@@ -67,19 +68,23 @@ impl EndpointFound {
     }
 }
 
+/// First twelve bytes of the GUIDs of all participants alive now, the own ones included.
+pub(crate) fn participants(participant: &Entity) -> Result<Vec<[u8; 12]>, ReturnCode> {
+    let reader = reader(participant, cyclors::DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, ptr::null())?;
+    let mut found = Vec::new();
+    let mut each = |_, one: Option<&cyclors::dds_builtintopic_participant_t>| {
+        found.extend(one.and_then(|one| one.key.v.first_chunk::<12>().copied()));
+    };
+    // SAFETY: samples of that topic are of that type.
+    while unsafe { take_lent(&reader, &mut each) }? {}
+    Ok(found)
+}
+
 /// All endpoints alive now.
 pub(crate) fn endpoints(participant: &Entity) -> Result<Vec<EndpointFound>, ReturnCode> {
     let mut found = Vec::new();
     for is_writer in [true, false] {
-        // SAFETY: default QoS, no listener; the pseudo-topic exists in every participant.
-        let reader = Entity::adopt(unsafe {
-            cyclors::dds_create_reader(
-                participant.handle(),
-                builtin_topic(is_writer),
-                ptr::null(),
-                ptr::null(),
-            )
-        })?;
+        let reader = reader(participant, builtin_topic(is_writer), ptr::null())?;
         while take_batch(&reader, is_writer, &mut |_, endpoint| found.extend(endpoint))? {}
     }
     Ok(found)
@@ -104,15 +109,8 @@ impl BuiltinReader {
     ) -> Result<Self, ReturnCode> {
         let events = Events::new("DCPS", Reliability::Reliable, notify);
         let listener = Listener::for_news(&events);
-        // SAFETY: default QoS; the listener is copied by the call, `events` outlives the reader.
-        let reader = Entity::adopt(unsafe {
-            cyclors::dds_create_reader(
-                participant.handle(),
-                builtin_topic(is_writer),
-                ptr::null(),
-                listener.as_ptr(),
-            )
-        })?;
+        // `events` outlives the reader.
+        let reader = reader(participant, builtin_topic(is_writer), listener.as_ptr())?;
         Ok(Self { reader, is_writer, events })
     }
 
@@ -131,6 +129,18 @@ impl Drop for BuiltinReader {
     fn drop(&mut self) {
         silence(self.reader.handle(), &self.events);
     }
+}
+
+/// A reader of a built-in topic, with a listener or null.
+fn reader(
+    participant: &Entity,
+    topic: i32,
+    listener: *const cyclors::dds_listener_t,
+) -> Result<Entity, ReturnCode> {
+    // SAFETY: default QoS; the pseudo-topic exists in every participant; a listener is copied by the call.
+    Entity::adopt(unsafe {
+        cyclors::dds_create_reader(participant.handle(), topic, ptr::null(), listener)
+    })
 }
 
 fn builtin_topic(is_writer: bool) -> i32 {
@@ -163,11 +173,32 @@ impl Drop for Loan<'_> {
     }
 }
 
-/// Takes one batch; false when nothing is left.
+/// Takes one batch of endpoints; false when nothing is left.
 fn take_batch(
     reader: &Entity,
     is_writer: bool,
     each: &mut impl FnMut(u64, Option<EndpointFound>),
+) -> Result<bool, ReturnCode> {
+    let mut lent = |number, endpoint: Option<&cyclors::dds_builtintopic_endpoint_t>| {
+        let Some(endpoint) = endpoint else { return each(number, None) };
+        // SAFETY: lent until this returns.
+        let found = unsafe { EndpointFound::copy(is_writer, endpoint) };
+        // The readers with which we look are not on the wire.
+        if !found.topic.starts_with("DCPS") {
+            each(number, Some(found));
+        }
+    };
+    // SAFETY: samples of these topics are of this type.
+    unsafe { take_lent(reader, &mut lent) }
+}
+
+/// Takes one batch, each sample with its number, `None` for one that is gone; false when nothing is left.
+///
+/// # Safety
+/// Samples of the reader's topic are `T`s.
+unsafe fn take_lent<T>(
+    reader: &Entity,
+    each: &mut impl FnMut(u64, Option<&T>),
 ) -> Result<bool, ReturnCode> {
     let mut loan = Loan { reader, samples: [ptr::null_mut(); BATCH], taken: 0 };
     // SAFETY: plain numbers, for which zeros are valid.
@@ -185,24 +216,12 @@ fn take_batch(
     let taken = usize::try_from(loan.taken).unwrap_or(0);
     for (sample, info) in loan.samples.iter().zip(&infos).take(taken) {
         let alive = info.instance_state == cyclors::dds_instance_state_DDS_IST_ALIVE;
-        // SAFETY: samples of these topics are of this type and lent until returned below.
-        let endpoint = unsafe { sample.cast::<cyclors::dds_builtintopic_endpoint_t>().as_ref() };
-        let endpoint = match endpoint {
-            Some(endpoint) if alive && info.valid_data => endpoint,
-            _ => {
-                if !alive {
-                    each(info.instance_handle, None);
-                }
-                continue;
-            }
-        };
-        // SAFETY: lent until returned below.
-        let found = unsafe { EndpointFound::copy(is_writer, endpoint) };
-        // The readers with which we look are not on the wire.
-        if found.topic.starts_with("DCPS") {
-            continue;
+        // SAFETY: of this type by contract, and lent until returned below.
+        match unsafe { sample.cast::<T>().as_ref() } {
+            Some(found) if alive && info.valid_data => each(info.instance_handle, Some(found)),
+            _ if !alive => each(info.instance_handle, None),
+            _ => {}
         }
-        each(info.instance_handle, Some(found));
     }
     Ok(taken > 0)
 }

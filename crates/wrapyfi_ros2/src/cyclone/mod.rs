@@ -38,7 +38,7 @@ mod spacing;
 mod tests;
 mod topic;
 
-pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints};
+pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints, participants};
 pub(super) use endpoint::{RawReader, RawWriter, Taken, WriteFault};
 pub(super) use entity::{Entity, ReturnCode};
 pub(super) use events::Events;
