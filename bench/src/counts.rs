@@ -17,7 +17,7 @@ use anyhow::Result;
 use bytes::Bytes;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::Stamp;
+use wrapyfi_data::types::{Dtype, Map, Payload, Stamp, Tensor, Value};
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{Context, Middleware as _, Registry};
@@ -86,6 +86,18 @@ fn a_message_of_zeromq_takes_one_buffer_each_way() -> Result<()> {
         let decoded = cost(|| Ok(frames::decode(&text, &spec, stamp)?))?;
         at_most(&format!("decode {}", kind.title()), &decoded, 32.0, size + 2048.0);
     }
+    Ok(())
+}
+
+#[test]
+fn a_text_with_two_arrays_is_not_moved() -> Result<()> {
+    let array = |bytes: usize| -> Result<Value> {
+        Ok(Tensor::new(Dtype::U8, [bytes], vec![7; bytes])?.into())
+    };
+    let map = Map::from([("rgb", array(600_000)?), ("depth", array(400_000)?)]);
+    let (payload, spec) = (Payload::from(Value::from(map)), Maker::new(Kind::Small)?.spec("/t"));
+    let encoded = cost(|| Ok(frames::encode(&payload, &spec)?))?;
+    at_most("encode two arrays", &encoded, 64.0, 1e6 * 4.0 / 3.0 + 4096.0);
     Ok(())
 }
 

@@ -41,6 +41,11 @@ impl DiscoveryWatch {
     pub fn has_told_all(&self) -> bool {
         has_told_all(self.discovery.is_complete(), self.unchanged_since.elapsed())
     }
+
+    /// The same for a whole list, for which programs that are slow to tell are waited for.
+    pub fn has_everybody_told(&self) -> bool {
+        self.discovery.has_everybody_told().unwrap_or_else(|| self.has_told_all())
+    }
 }
 
 fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {

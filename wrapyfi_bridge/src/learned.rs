@@ -101,7 +101,8 @@ impl Look {
         let (begun, wake) = (Instant::now(), Wake::new());
         let found = loop {
             watch.look().context(side)?;
-            if watch.has_told_all() || shutdown.requested() || begun.elapsed() >= LOOK_WITHIN {
+            if watch.has_everybody_told() || shutdown.requested() || begun.elapsed() >= LOOK_WITHIN
+            {
                 break std::mem::take(&mut watch.found);
             }
             wake.wait(PAUSE);

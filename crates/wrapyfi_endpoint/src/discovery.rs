@@ -64,6 +64,12 @@ pub trait Discovery: Send {
         None
     }
 
+    /// True once every program that was found has told its endpoints, for who wants a whole list and waits for it; `None`
+    /// where [`Discovery::is_complete`] says all that is known of that.
+    fn has_everybody_told(&self) -> Option<bool> {
+        None
+    }
+
     /// Network under the middleware, and the reason for it; `None` where there is no choice.
     fn carried_by(&self) -> Option<&str> {
         None

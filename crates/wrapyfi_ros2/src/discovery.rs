@@ -99,7 +99,9 @@ impl Ros2Discovery {
         self.listed = None;
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
         self.ask_again(&found).map_err(|error| transport(&error))?;
-        self.note_told(&found);
+        if !self.completeness.is_complete() {
+            self.note_told(&found);
+        }
         let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);
         let found: Vec<_> = foreign
             .filter_map(|endpoint| {
@@ -135,7 +137,7 @@ impl Discovery for Ros2Discovery {
         Ok(found)
     }
 
-    fn is_complete(&self) -> Option<bool> {
+    fn has_everybody_told(&self) -> Option<bool> {
         Some(self.completeness.is_complete())
     }
 

@@ -21,7 +21,7 @@ use bytes::Bytes;
 use super::connection::{self, SocketRole};
 use super::envelope::{self, ServiceMessage};
 use super::heard::{ConnectionEnd, Heard};
-use super::message::{Message, Outgoing};
+use super::message::Message;
 use super::options::FRAME_SLACK;
 use super::peer::Peer;
 use super::shared::ZeroMqState;
@@ -268,7 +268,7 @@ impl SocketRole for Exchange {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        for (bytes, _) in peer.outbox.iter().flat_map(Outgoing::published) {
+        for (bytes, _) in peer.unsent() {
             self.context.counters.undelivered(reason, bytes);
         }
     }

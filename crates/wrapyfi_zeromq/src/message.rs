@@ -13,6 +13,8 @@ use wrapyfi_endpoint::{DropReason, Pieces, Waits};
 
 /// Messages of a batch at most.
 const BATCH_MESSAGES: usize = 64;
+/// Bytes of memory that are kept for the next batch.
+const SPARE_BYTES: usize = 16 * 1024;
 
 /// Bytes of a message in pieces, of which a small message has one.
 pub(super) type Parts = SmallVec<[Bytes; 1]>;
@@ -52,11 +54,22 @@ impl Outgoing {
         }
     }
 
-    /// Messages of a publisher, which count against the high-water mark: the size of each as its publisher counts it, and its fingerprint.
-    pub(super) fn published(&self) -> impl Iterator<Item = (usize, Option<Fingerprint>)> {
-        let batch = if let Self::Batch(batch) = self { &batch.messages[..] } else { &[] };
+    /// Messages of a publisher, which count against the high-water mark, without those that are in the first `written` bytes as a whole: the
+    /// size of each as its publisher counts it, and its fingerprint.
+    pub(super) fn published(
+        &self,
+        written: usize,
+    ) -> impl Iterator<Item = (usize, Option<Fingerprint>)> {
+        let batch = if let Self::Batch(batch) = self { Some(batch) } else { None };
+        let batch = batch.and_then(|batch| batch.messages.get(batch.written(written)..));
+        let batch = batch.unwrap_or_default().iter().map(|one| (one.bytes, one.print));
         let one = self.message().and_then(|one| Some((one.of.as_ref()?.1, one.print)));
-        batch.iter().copied().chain(one)
+        batch.chain(one)
+    }
+
+    /// Number of messages of a batch that are in its first `written` bytes as a whole.
+    pub(super) fn written(&self, written: usize) -> usize {
+        if let Self::Batch(batch) = self { batch.written(written) } else { 0 }
     }
 }
 
@@ -65,7 +78,7 @@ impl Waits for Outgoing {
         match self {
             Self::Word(_) => 0,
             Self::Message(message, _) => message.bytes,
-            Self::Batch(batch) => batch.messages.iter().map(|(bytes, _)| bytes).sum(),
+            Self::Batch(batch) => batch.messages.iter().map(|message| message.bytes).sum(),
         }
     }
 }
@@ -87,8 +100,17 @@ impl Pieces for Outgoing {
 pub(super) struct Batch {
     /// Their bytes as they go on the wire. They grow until the I/O thread has them, which then writes them without a lock.
     bytes: Arc<Vec<u8>>,
-    /// Size of each as its publisher counts it, and its fingerprint.
-    messages: Vec<(usize, Option<Fingerprint>)>,
+    messages: Vec<InBatch>,
+}
+
+/// A message of a batch.
+#[derive(Debug)]
+struct InBatch {
+    /// Size as its publisher counts it.
+    bytes: usize,
+    print: Option<Fingerprint>,
+    /// Number of bytes of the batch up to its end.
+    end: usize,
 }
 
 impl Batch {
@@ -101,8 +123,9 @@ impl Batch {
     ) -> Option<T> {
         let bytes =
             Arc::get_mut(&mut self.bytes).filter(|_| self.messages.len() < BATCH_MESSAGES)?;
-        self.messages.push((size, print));
-        Some(put(bytes))
+        let put = put(bytes);
+        self.messages.push(InBatch { bytes: size, print, end: bytes.len() });
+        Some(put)
     }
 
     /// Its bytes, for the I/O thread.
@@ -110,14 +133,18 @@ impl Batch {
         Arc::clone(&self.bytes)
     }
 
-    /// The same, empty, for other messages.
-    pub(super) fn emptied(mut self: Box<Self>) -> Box<Self> {
+    /// Number of messages of which the first `written` bytes of the batch hold all.
+    fn written(&self, written: usize) -> usize {
+        self.messages.partition_point(|message| message.end <= written)
+    }
+
+    /// The same, empty, for other messages; `None` where its memory is much, or in use.
+    pub(super) fn emptied(mut self: Box<Self>) -> Option<Box<Self>> {
         self.messages.clear();
-        match Arc::get_mut(&mut self.bytes) {
-            Some(bytes) => bytes.clear(),
-            None => self.bytes = Arc::default(),
-        }
-        self
+        let bytes =
+            Arc::get_mut(&mut self.bytes).filter(|bytes| bytes.capacity() <= SPARE_BYTES)?;
+        bytes.clear();
+        Some(self)
     }
 }
 
@@ -176,15 +203,19 @@ mod tests {
         assert_eq!((4..=255).filter(|byte| put(&mut batch, *byte)).count(), BATCH_MESSAGES - 2);
         let outgoing = Outgoing::Batch(batch);
         assert_eq!(outgoing.bytes(), 3 * BATCH_MESSAGES);
-        assert_eq!(outgoing.published().count(), BATCH_MESSAGES);
+        let left = |written| outgoing.published(written).count();
+        assert_eq!([0, 1, 3, 999].map(left), [BATCH_MESSAGES, 63, 61, 0]);
+        assert_eq!(outgoing.written(3), 3);
         let pieces: Vec<u8> = outgoing.pieces().flatten().copied().collect();
         assert_eq!((pieces.len(), &pieces[..3]), (BATCH_MESSAGES, &[1, 2, 4][..]));
         let Outgoing::Batch(batch) = outgoing else { unreachable!() };
-        let mut batch = batch.emptied();
+        let mut batch = batch.emptied().unwrap();
         assert!(batch.bytes().is_empty() && put(&mut batch, 9));
         let writes = batch.bytes();
-        let mut other = batch.emptied();
-        assert!(put(&mut other, 8), "memory that is still in use is not used again");
-        assert_eq!((&writes[..], &other.bytes()[..]), (&[9][..], &[8][..]));
+        assert!(batch.emptied().is_none(), "memory that is still in use is not used again");
+        assert_eq!(*writes, [9]);
+        let mut large = Box::<Batch>::default();
+        assert!(large.take(1, None, |out| out.resize(SPARE_BYTES + 1, 0)).is_some());
+        assert!(large.emptied().is_none(), "much memory is not kept");
     }
 }

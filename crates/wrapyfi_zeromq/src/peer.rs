@@ -76,6 +76,10 @@ pub(super) struct Peer<S = TcpStream> {
     pub(super) outbox: Outbox<Outgoing>,
     /// Messages in it that are counted against the high-water mark.
     pub(super) waiting: usize,
+    /// Entries in it that have some of them; the others are words of the protocol.
+    of_publishers: usize,
+    /// Messages of the batch that goes first that are written, and wait no more.
+    written: usize,
     /// Memory for the next batch of small messages.
     pub(super) spare: Option<Box<Batch>>,
     /// The connection takes no more until the system says so.
@@ -110,6 +114,8 @@ impl<S: Read + Write> Peer<S> {
             is_refused: false,
             outbox: Outbox::default(),
             waiting: 0,
+            of_publishers: 0,
+            written: 0,
             spare: None,
             is_blocked: false,
             begun: Share::default(),
@@ -207,7 +213,7 @@ impl<S: Read + Write> Peer<S> {
         if is_of_publisher && hwm.is_some_and(|hwm| self.waiting >= hwm) {
             return Err(DropReason::Stalled);
         }
-        if !is_of_publisher && self.outbox.len() > self.waiting + 4 {
+        if !is_of_publisher && self.words() > 4 {
             // The broker repeats its counts: an old message need not wait beside a newer one.
             return Ok(());
         }
@@ -217,10 +223,23 @@ impl<S: Read + Write> Peer<S> {
         match self.outbox.push(outgoing, usize::MAX, Overflow::DropNewest, drop) {
             Err((_, reason)) if is_of_publisher => Err(reason),
             queued => {
-                self.waiting += usize::from(is_of_publisher && queued.is_ok());
+                let added = usize::from(is_of_publisher && queued.is_ok());
+                self.waiting += added;
+                self.of_publishers += added;
                 Ok(())
             }
         }
+    }
+
+    /// Number of words of the protocol that wait.
+    fn words(&self) -> usize {
+        self.outbox.len().saturating_sub(self.of_publishers)
+    }
+
+    /// Messages of a publisher that were not sent as a whole: the size of each as its publisher counts it, and its fingerprint.
+    pub(super) fn unsent(&self) -> impl Iterator<Item = (usize, Option<Fingerprint>)> {
+        let mut written = self.outbox.written();
+        self.outbox.iter().flat_map(move |one| one.published(std::mem::take(&mut written)))
     }
 
     /// Takes a small message of a publisher of ours, of `bytes` bytes, into its queue, which no other peer is to get.
@@ -234,7 +253,7 @@ impl<S: Read + Write> Peer<S> {
         print: Option<Fingerprint>,
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
-        let Self { outbox, mechanism, waiting, spare, .. } = self;
+        let Self { outbox, mechanism, waiting, of_publishers, spare, .. } = self;
         if hwm.is_some_and(|hwm| *waiting >= hwm) {
             return Err(DropReason::Stalled);
         }
@@ -253,6 +272,7 @@ impl<S: Read + Write> Peer<S> {
             let batch = Outgoing::Batch(batch);
             let pushed = outbox.push(batch, usize::MAX, Overflow::DropNewest, drop);
             pushed.map_err(|(_, reason)| reason)?;
+            *of_publishers += 1;
         }
         *waiting += 1;
         // A connection whose sealing has failed, which does not happen, sends what the broker ends it for.
@@ -260,18 +280,33 @@ impl<S: Read + Write> Peer<S> {
     }
 
     pub(super) fn write(&mut self) -> std::io::Result<()> {
-        let Self { stream, outbox, waiting, spare, is_blocked, .. } = self;
-        if !*is_blocked {
-            let sent = |sent| note_sent(sent, waiting, spare);
-            *is_blocked = !outbox.write(|slices| stream.write_vectored(slices), sent)?;
+        if self.is_blocked {
+            return Ok(());
         }
+        let (stream, mut left) = (&mut self.stream, Left::default());
+        let written =
+            self.outbox.write(|slices| stream.write_vectored(slices), |sent| left.note(sent));
+        self.note_left(left);
+        self.is_blocked = !written?;
         Ok(())
     }
 
     /// Takes note that the first `count` bytes of what waits were written by another than [`Self::write`].
     pub(super) fn note_written(&mut self, count: usize) {
-        let Self { outbox, waiting, spare, .. } = self;
-        outbox.note_written(count, |sent| note_sent(sent, waiting, spare));
+        let mut left = Left::default();
+        self.outbox.note_written(count, |sent| left.note(sent));
+        self.note_left(left);
+    }
+
+    /// Takes note of what was sent: as a whole, and of the batch that goes first now.
+    fn note_left(&mut self, left: Left) {
+        let first = self.outbox.iter().next();
+        let written = first.map_or(0, |first| first.written(self.outbox.written()));
+        // What was written of a batch before is among what has left with it, or still written.
+        self.waiting = (self.waiting + self.written).saturating_sub(left.messages + written);
+        self.written = written;
+        self.of_publishers -= left.entries;
+        self.spare = left.spare.or(self.spare.take());
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
@@ -601,11 +636,25 @@ impl<S: Read + Write> Peer<S> {
     }
 }
 
-/// Takes note of something that was sent as a whole: messages wait no more, and the memory of a batch is for the next.
-fn note_sent(sent: Outgoing, waiting: &mut usize, spare: &mut Option<Box<Batch>>) {
-    *waiting -= sent.published().count();
-    if let Outgoing::Batch(batch) = sent {
-        *spare = Some(batch.emptied());
+/// What has left the queue, sent as a whole.
+#[derive(Default)]
+struct Left {
+    /// Messages of a publisher.
+    messages: usize,
+    /// Entries that had some.
+    entries: usize,
+    /// Memory of a batch, for the next.
+    spare: Option<Box<Batch>>,
+}
+
+impl Left {
+    fn note(&mut self, sent: Outgoing) {
+        let messages = sent.published(0).count();
+        self.messages += messages;
+        self.entries += usize::from(messages > 0);
+        if let Outgoing::Batch(batch) = sent {
+            self.spare = batch.emptied();
+        }
     }
 }
 

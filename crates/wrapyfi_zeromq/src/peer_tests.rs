@@ -160,9 +160,13 @@ fn small_messages_go_whole_and_in_order_whoever_writes_them() {
         }
     }
     assert!(peer.waiting > 64 && written_by_other > 10_000, "{} {written_by_other}", peer.waiting);
+    assert!(peer.written > 0, "a batch of which a part is written");
+    assert_eq!(peer.unsent().count(), peer.waiting, "what is written does not wait");
+    let left: usize = peer.unsent().map(|(bytes, _)| bytes).sum();
+    assert!(wanted.len() - peer.stream.taken.len() - left < 5 * peer.waiting + 400);
     assert_eq!(peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting)), Err(DropReason::Stalled));
     (peer.stream.room, peer.is_blocked) = (usize::MAX, false);
     peer.write().unwrap();
     assert!(peer.stream.taken == wanted, "{} of {}", peer.stream.taken.len(), wanted.len());
-    assert_eq!((peer.waiting, peer.outbox.len()), (0, 0));
+    assert_eq!((peer.waiting, peer.written, peer.words(), peer.outbox.len()), (0, 0, 0, 0));
 }

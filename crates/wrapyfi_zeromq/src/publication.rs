@@ -16,7 +16,7 @@ use bytes::Bytes;
 use super::connection::{Connection, SocketRole};
 use super::inside::Inside;
 use super::ledger::Ledger;
-use super::message::{Message, Outgoing};
+use super::message::Message;
 use super::own_messages::{Fingerprint, OwnTopic};
 use super::peer::Peer;
 use super::shared::ZeroMqState;
@@ -173,7 +173,7 @@ impl SocketRole for Publication {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        for (bytes, print) in peer.outbox.iter().flat_map(Outgoing::published) {
+        for (bytes, print) in peer.unsent() {
             self.context.counters.undelivered(reason, bytes);
             self.own.forget(print);
         }

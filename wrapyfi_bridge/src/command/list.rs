@@ -108,7 +108,7 @@ fn looked(
         for side in &mut sides {
             side.watch.look().context(side.name)?;
         }
-        let told = args.wait.is_none() && sides.iter().all(|side| side.watch.has_told_all());
+        let told = args.wait.is_none() && sides.iter().all(|side| side.watch.has_everybody_told());
         if told || shutdown.requested() || Instant::now() >= deadline {
             break;
         }

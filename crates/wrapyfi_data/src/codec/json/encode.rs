@@ -24,6 +24,8 @@ struct Encoder<'a> {
     out: Vec<u8>,
     /// Tensors that are taken out of the text; `None` where they are written into it.
     tensors: Option<Vec<Tensor>>,
+    /// The whole value, until there is room for its arrays.
+    whole: Option<&'a Value>,
 }
 
 pub(super) fn run(
@@ -31,13 +33,34 @@ pub(super) fn run(
     tensors: Option<Vec<Tensor>>,
     plugins: &Plugins,
 ) -> Result<(Vec<u8>, Vec<Tensor>)> {
-    let mut encoder = Encoder { plugins, out: Vec::with_capacity(SHORT), tensors };
+    let out = Vec::with_capacity(SHORT);
+    let mut encoder = Encoder { plugins, out, tensors, whole: Some(value) };
     encoder.value(value, &Path::Root, 0)?;
     // Shrinks in place. Of a short text it would not be worth the call.
     if encoder.out.capacity() > SHORT {
         encoder.out.shrink_to_fit();
     }
     Ok((encoder.out, encoder.tensors.unwrap_or_default()))
+}
+
+/// Length of the arrays of a value in a text, about.
+fn length_of_arrays(value: &Value) -> usize {
+    /// Header and tag of an array.
+    const FRAME: usize = 256;
+    match value {
+        Value::List(items) | Value::Tuple(items) | Value::Set(items) => {
+            items.iter().map(length_of_arrays).sum()
+        }
+        Value::Map(map) => map.iter().map(|(_, value)| length_of_arrays(value)).sum(),
+        Value::Array(_)
+        | Value::Tensor(_)
+        | Value::Table(_)
+        | Value::Picture(_)
+        | Value::Quantity(_)
+        | Value::Labelled(_)
+        | Value::Object(_) => FRAME + base64::encoded_length(value.size_hint()),
+        _ => 0,
+    }
 }
 
 fn unrepresentable(what: impl Into<String>, path: &Path<'_>, remedy: &str) -> EncodeError {
@@ -131,8 +154,10 @@ impl Encoder<'_> {
 
     fn base64(&mut self, header: &[u8], data: &[u8]) -> Result<()> {
         self.out.push(b'"');
-        // With room for what follows, for which a text of megabytes is not to be moved.
-        self.out.reserve(base64::encoded_length(header.len() + data.len()) + 4 * SHORT);
+        // For all of them, and what stands between and behind: a text of megabytes is not to be moved for it.
+        if let Some(whole) = self.whole.take() {
+            self.out.reserve(length_of_arrays(whole) + 4 * SHORT);
+        }
         base64::append(header, data, &mut self.out);
         self.out.push(b'"');
         Ok(())
