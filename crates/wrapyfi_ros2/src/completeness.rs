@@ -1,4 +1,4 @@
-//! Whether looks at the graph have shown all of it: nobody new comes, and everybody has told.
+//! Judgement whether looks at the graph have shown all of it: nobody new comes, and everybody has told.
 //!
 //! ```text
 //!   participants               answer within milliseconds ─┐

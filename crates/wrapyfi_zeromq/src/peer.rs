@@ -636,7 +636,7 @@ impl<S: Read + Write> Peer<S> {
     }
 }
 
-/// What has left the queue, sent as a whole.
+/// Entries that have left the queue, sent as a whole.
 #[derive(Default)]
 struct Left {
     /// Messages of a publisher.
