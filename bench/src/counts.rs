@@ -81,7 +81,7 @@ fn a_message_of_zeromq_takes_one_buffer_each_way() -> Result<()> {
             frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
         let encoded = cost(|| Ok(frames::encode(&payload, &spec)?))?;
         // Base64 is a third longer than what it stands for.
-        at_most(&format!("encode {}", kind.title()), &encoded, 64.0, size * 4.0 / 3.0 + 2560.0);
+        at_most(&format!("encode {}", kind.title()), &encoded, 64.0, size * 4.0 / 3.0 + 2048.0);
         let stamp = Stamp::default();
         let decoded = cost(|| Ok(frames::decode(&text, &spec, stamp)?))?;
         at_most(&format!("decode {}", kind.title()), &decoded, 32.0, size + 2048.0);

@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use rustix::process::Signal;
+use rustix::process::{Signal, WaitId, WaitIdOptions, WaitIdStatus, waitid};
 use serde_json::Value;
 
 use crate::{Result, TIMEOUT};
@@ -175,7 +175,7 @@ impl Process {
             let fallen = self.fallen_pillar();
             if ended || fallen.is_some() || Instant::now() >= deadline {
                 let why = match fallen {
-                    _ if ended => "it ended".to_owned(),
+                    _ if ended => self.end(),
                     Some(name) => format!("{name} ended before"),
                     None => "the time is over".to_owned(),
                 };
@@ -188,6 +188,38 @@ impl Process {
                 let pause = Duration::from_millis(200);
                 let waited = self.shared.changed.wait_timeout(output, pause);
                 output = waited.unwrap_or_else(PoisonError::into_inner).0;
+            }
+        }
+    }
+
+    /// The end of a process whose output is closed, in words: a signal that ended it is told nowhere else.
+    fn end(&self) -> String {
+        let Some(status) = self.status() else { return "it closed its output".to_owned() };
+        match (status.exit_status(), status.terminating_signal()) {
+            (Some(code), _) => format!("it ended with {code}"),
+            (None, signal) => format!("signal {} ended it", signal.unwrap_or_default()),
+        }
+    }
+
+    /// True where its output is closed and the system has ended it, for access to memory that it does not have.
+    pub fn has_crashed(&self) -> bool {
+        let signal = |status: WaitIdStatus| status.terminating_signal();
+        self.shared.lock().open == 0
+            && self.status().and_then(signal) == Some(Signal::SEGV.as_raw())
+    }
+
+    /// The status of a process whose output is closed. Whoever waits for it or drops it asks for it again.
+    fn status(&self) -> Option<WaitIdStatus> {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        // The system closes what a process has open before it says how it ended.
+        let deadline = Instant::now() + Duration::from_secs(1);
+        loop {
+            match waitid(WaitId::Pid(pid), options) {
+                Ok(None) if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                told => return told.ok().flatten(),
             }
         }
     }

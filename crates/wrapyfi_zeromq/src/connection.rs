@@ -365,7 +365,7 @@ impl Connection {
     /// True where so many messages wait, for a queue of `hwm`, that whoever has another writes some of them first.
     pub(super) fn is_crowded(&self, hwm: Option<usize>) -> bool {
         let most = hwm.map_or(BURST_MESSAGES, |hwm| BURST_MESSAGES.min(hwm / 2));
-        self.peer().is_some_and(|peer| peer.waiting > most)
+        self.peer().is_some_and(|peer| peer.waiting() > most)
     }
 
     /// Gives back what a burst needed: memory, and the second descriptor, where no thread uses it.

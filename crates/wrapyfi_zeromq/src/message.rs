@@ -69,7 +69,10 @@ impl Outgoing {
 
     /// Number of messages of a batch that are in its first `written` bytes as a whole.
     pub(super) fn written(&self, written: usize) -> usize {
-        if let Self::Batch(batch) = self { batch.written(written) } else { 0 }
+        match self {
+            Self::Batch(batch) if written > 0 => batch.written(written),
+            _ => 0,
+        }
     }
 }
 

@@ -74,12 +74,10 @@ pub(super) struct Peer<S = TcpStream> {
     /// True where the other side has said that our key may not publish that topic.
     pub(super) is_refused: bool,
     pub(super) outbox: Outbox<Outgoing>,
-    /// Messages in it that are counted against the high-water mark.
-    pub(super) waiting: usize,
+    /// Messages of publishers in it, those of the first entry that are written included.
+    published: usize,
     /// Entries in it that have some of them; the others are words of the protocol.
     of_publishers: usize,
-    /// Messages of the batch that goes first that are written, and wait no more.
-    written: usize,
     /// Memory for the next batch of small messages.
     pub(super) spare: Option<Box<Batch>>,
     /// The connection takes no more until the system says so.
@@ -113,9 +111,8 @@ impl<S: Read + Write> Peer<S> {
             subscribes: Vec::new(),
             is_refused: false,
             outbox: Outbox::default(),
-            waiting: 0,
+            published: 0,
             of_publishers: 0,
-            written: 0,
             spare: None,
             is_blocked: false,
             begun: Share::default(),
@@ -210,7 +207,7 @@ impl<S: Read + Write> Peer<S> {
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
         let is_of_publisher = message.of.is_some();
-        if is_of_publisher && hwm.is_some_and(|hwm| self.waiting >= hwm) {
+        if is_of_publisher && hwm.is_some_and(|hwm| self.waiting() >= hwm) {
             return Err(DropReason::Stalled);
         }
         if !is_of_publisher && self.words() > 4 {
@@ -224,11 +221,18 @@ impl<S: Read + Write> Peer<S> {
             Err((_, reason)) if is_of_publisher => Err(reason),
             queued => {
                 let added = usize::from(is_of_publisher && queued.is_ok());
-                self.waiting += added;
+                self.published += added;
                 self.of_publishers += added;
                 Ok(())
             }
         }
+    }
+
+    /// Number of messages that wait, which are counted against the high-water mark.
+    pub(super) fn waiting(&self) -> usize {
+        let first = self.outbox.iter().next();
+        let written = first.map_or(0, |first| first.written(self.outbox.written()));
+        self.published.saturating_sub(written)
     }
 
     /// Number of words of the protocol that wait.
@@ -253,10 +257,10 @@ impl<S: Read + Write> Peer<S> {
         print: Option<Fingerprint>,
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
-        let Self { outbox, mechanism, waiting, of_publishers, spare, .. } = self;
-        if hwm.is_some_and(|hwm| *waiting >= hwm) {
+        if hwm.is_some_and(|hwm| self.waiting() >= hwm) {
             return Err(DropReason::Stalled);
         }
+        let Self { outbox, mechanism, published, of_publishers, spare, .. } = self;
         let mut put =
             |batch: &mut Batch| batch.take(bytes, print, |out| mechanism.append(frames, out));
         let mut is_put = None;
@@ -274,7 +278,7 @@ impl<S: Read + Write> Peer<S> {
             pushed.map_err(|(_, reason)| reason)?;
             *of_publishers += 1;
         }
-        *waiting += 1;
+        *published += 1;
         // A connection whose sealing has failed, which does not happen, sends what the broker ends it for.
         is_put.and_then(Result::ok).ok_or(DropReason::SendFailed)
     }
@@ -298,14 +302,10 @@ impl<S: Read + Write> Peer<S> {
         self.note_left(left);
     }
 
-    /// Takes note of what was sent: as a whole, and of the batch that goes first now.
+    /// Takes note of entries that were sent as a whole.
     fn note_left(&mut self, left: Left) {
-        let first = self.outbox.iter().next();
-        let written = first.map_or(0, |first| first.written(self.outbox.written()));
-        // What was written of a batch before is among what has left with it, or still written.
-        self.waiting = (self.waiting + self.written).saturating_sub(left.messages + written);
-        self.written = written;
-        self.of_publishers -= left.entries;
+        self.published = self.published.saturating_sub(left.messages);
+        self.of_publishers = self.of_publishers.saturating_sub(left.entries);
         self.spare = left.spare.or(self.spare.take());
     }
 
@@ -551,7 +551,7 @@ impl<S: Read + Write> Peer<S> {
                 let context = rest.get(2..).unwrap_or_default();
                 let pong =
                     [&b"\x04PONG"[..], context.get(..context.len().min(16)).unwrap_or_default()];
-                if self.outbox.len() <= self.waiting + 4 {
+                if self.words() <= 4 {
                     self.tell(&pong.concat());
                 }
             }

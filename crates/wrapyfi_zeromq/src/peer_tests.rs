@@ -159,14 +159,34 @@ fn small_messages_go_whole_and_in_order_whoever_writes_them() {
             peer.write().unwrap();
         }
     }
-    assert!(peer.waiting > 64 && written_by_other > 10_000, "{} {written_by_other}", peer.waiting);
-    assert!(peer.written > 0, "a batch of which a part is written");
-    assert_eq!(peer.unsent().count(), peer.waiting, "what is written does not wait");
+    assert!(
+        peer.waiting() > 64 && written_by_other > 10_000,
+        "{} {written_by_other}",
+        peer.waiting()
+    );
+    assert!(peer.waiting() < peer.published, "a batch of which a part is written");
+    assert_eq!(peer.unsent().count(), peer.waiting(), "what is written does not wait");
     let left: usize = peer.unsent().map(|(bytes, _)| bytes).sum();
-    assert!(wanted.len() - peer.stream.taken.len() - left < 5 * peer.waiting + 400);
-    assert_eq!(peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting)), Err(DropReason::Stalled));
+    assert!(wanted.len() - peer.stream.taken.len() - left < 5 * peer.waiting() + 400);
+    assert_eq!(
+        peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting())),
+        Err(DropReason::Stalled)
+    );
     (peer.stream.room, peer.is_blocked) = (usize::MAX, false);
     peer.write().unwrap();
     assert!(peer.stream.taken == wanted, "{} of {}", peer.stream.taken.len(), wanted.len());
-    assert_eq!((peer.waiting, peer.written, peer.words(), peer.outbox.len()), (0, 0, 0, 0));
+    assert_eq!((peer.published, peer.waiting(), peer.words(), peer.outbox.len()), (0, 0, 0, 0));
+}
+
+/// Whoever takes nothing and asks, beside messages that wait, has no more than a few answers waiting.
+#[test]
+fn pings_are_answered_a_few_times_while_batches_wait() {
+    let mut peer = Peer::new(Wire::default(), "127.0.0.1:1".parse().unwrap(), Instant::now());
+    drop(peer.outbox.drain());
+    for n in 0..100 {
+        peer.queue_small(&[vec![1; 200]], 200, None, None).unwrap();
+        peer.obey(b"\x04PING\0\0", &mut Vec::new());
+        assert_eq!(peer.words(), 5.min(n + 1));
+    }
+    assert_eq!(peer.waiting(), 100);
 }

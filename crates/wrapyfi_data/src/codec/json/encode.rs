@@ -156,7 +156,7 @@ impl Encoder<'_> {
         self.out.push(b'"');
         // For all of them, and what stands between and behind: a text of megabytes is not to be moved for it.
         if let Some(whole) = self.whole.take() {
-            self.out.reserve(length_of_arrays(whole) + 4 * SHORT);
+            self.out.reserve(length_of_arrays(whole) + 2 * SHORT);
         }
         base64::append(header, data, &mut self.out);
         self.out.push(b'"');
