@@ -23,7 +23,6 @@ use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::io::{IoProgress, token};
 use super::link::{self, BrokerLink};
-use super::message::Outgoing;
 use super::options;
 use super::peer::Peer;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -365,7 +364,7 @@ impl Connection {
     /// True where so many messages wait, for a queue of `hwm`, that whoever has another writes some of them first.
     pub(super) fn is_crowded(&self, hwm: Option<usize>) -> bool {
         let most = hwm.map_or(BURST_MESSAGES, |hwm| BURST_MESSAGES.min(hwm / 2));
-        self.peer().is_some_and(|peer| peer.waiting() > most)
+        self.peer().is_some_and(|peer| peer.outbox.waiting() > most)
     }
 
     /// Gives back what a burst needed: memory, and the second descriptor, where no thread uses it.
@@ -374,7 +373,7 @@ impl Connection {
             self.stream = None;
         }
         if let Some(peer) = self.peer_mut() {
-            peer.spare = None;
+            peer.outbox.give_spare_back();
         }
     }
 
@@ -398,11 +397,10 @@ impl Connection {
         if !peer.is_open() || peer.is_blocked {
             return None;
         }
-        let Some(Outgoing::Batch(batch)) = peer.outbox.first() else { return None };
-        let bytes = batch.bytes();
+        let (bytes, written) = peer.outbox.batch()?;
         let stream = second(&mut self.stream, peer)?;
         self.is_flushing = true;
-        Some((stream, bytes, peer.outbox.written()))
+        Some((stream, bytes, written))
     }
 
     /// Takes note of the first `count` bytes, which were written; true where more waits.
@@ -410,7 +408,7 @@ impl Connection {
         let (true, Way::Up(peer)) = (std::mem::take(&mut self.is_flushing), &mut self.way) else {
             return false;
         };
-        peer.note_written(count);
+        peer.outbox.note_written(count);
         !peer.outbox.is_empty()
     }
 

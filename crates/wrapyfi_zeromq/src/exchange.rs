@@ -268,7 +268,7 @@ impl SocketRole for Exchange {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        for (bytes, _) in peer.unsent() {
+        for (bytes, _) in peer.outbox.unsent() {
             self.context.counters.undelivered(reason, bytes);
         }
     }

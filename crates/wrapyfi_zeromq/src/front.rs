@@ -35,7 +35,7 @@ use super::curve::{Curve, Keys};
 use super::ends::{End, Side};
 use super::heard::{ConnectionEnd, Heard};
 use super::ledger::Refusal;
-use super::message::{Loss, Message, Outgoing};
+use super::message::{Loss, Message};
 use super::options;
 use super::peer::{Peer, TURN};
 use super::subscribers::Subscribers;
@@ -563,7 +563,7 @@ impl Front {
             return;
         }
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);
-        let waiting = peer.outbox.iter().filter_map(Outgoing::message);
+        let waiting = peer.outbox.messages();
         self.losses.extend(waiting.filter(|message| message.of.is_some()).map(lost));
     }
 }

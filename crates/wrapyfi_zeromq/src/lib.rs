@@ -69,6 +69,7 @@ mod port_check;
 mod proxy;
 mod publication;
 mod publisher;
+mod queue;
 mod reception;
 #[cfg(feature = "driver")]
 mod section;

@@ -19,12 +19,13 @@ use super::curve::{Curve, Grant, OVERHEAD};
 use super::ends::End;
 use super::heard::{ConnectionEnd, Heard};
 use super::mechanism::{Mechanism, Secured};
-use super::message::{Batch, Message, Outgoing};
+use super::message::Message;
 use super::options;
 use super::own_messages::Fingerprint;
+use super::queue::Queue;
 use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, HandshakeStep, Kind};
-use wrapyfi_endpoint::{Budget, DropReason, Outbox, Overflow, PROGRESS, Share, WAITING};
+use wrapyfi_endpoint::{Budget, DropReason, PROGRESS, Share, WAITING};
 
 /// Subscriptions of one listener. Those beyond are ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
@@ -73,13 +74,7 @@ pub(super) struct Peer<S = TcpStream> {
     subscribes: Vec<String>,
     /// True where the other side has said that our key may not publish that topic.
     pub(super) is_refused: bool,
-    pub(super) outbox: Outbox<Outgoing>,
-    /// Messages of publishers in it, those of the first entry that are written included.
-    published: usize,
-    /// Entries in it that have some of them; the others are words of the protocol.
-    of_publishers: usize,
-    /// Memory for the next batch of small messages.
-    pub(super) spare: Option<Box<Batch>>,
+    pub(super) outbox: Queue,
     /// The connection takes no more until the system says so.
     pub(super) is_blocked: bool,
     /// Share of the message that has begun in the process's budget of waiting bytes.
@@ -110,10 +105,7 @@ impl<S: Read + Write> Peer<S> {
             connects: false,
             subscribes: Vec::new(),
             is_refused: false,
-            outbox: Outbox::default(),
-            published: 0,
-            of_publishers: 0,
-            spare: None,
+            outbox: Queue::default(),
             is_blocked: false,
             begun: Share::default(),
             since: now,
@@ -122,7 +114,7 @@ impl<S: Read + Write> Peer<S> {
             has_heartbeats: false,
             end: None,
         };
-        peer.put(Mechanism::Null.greeting().0);
+        peer.outbox.push_word(Mechanism::Null.greeting().0);
         peer
     }
 
@@ -159,8 +151,8 @@ impl<S: Read + Write> Peer<S> {
         let plain = self.assembly.take();
         self.assembly = plain.as_ref().map(Secured::around);
         self.mechanism = Mechanism::curve(curve, hello, plain);
-        self.outbox = Outbox::default();
-        self.put(self.mechanism.greeting().0);
+        self.outbox = Queue::default();
+        self.outbox.push_word(self.mechanism.greeting().0);
         self
     }
 
@@ -174,21 +166,15 @@ impl<S: Read + Write> Peer<S> {
         self.grant().is_none_or(|grant| grant.may_subscribe(topic))
     }
 
-    /// Queues bytes that go as they are.
-    fn put(&mut self, bytes: Vec<u8>) {
-        let word = Outgoing::Word(bytes.into());
-        _ = self.outbox.push(word, usize::MAX, Overflow::DropNewest, drop);
-    }
-
     /// Queues a command of the handshake.
     fn say(&mut self, command: &[u8]) {
-        self.put(zmtp::command(command));
+        self.outbox.push_word(zmtp::command(command));
     }
 
     /// Queues a command on the connection that is open.
     fn tell(&mut self, command: &[u8]) {
         if let Some(bytes) = self.mechanism.command(command) {
-            self.put(bytes);
+            self.outbox.push_word(bytes);
         }
     }
 
@@ -207,43 +193,19 @@ impl<S: Read + Write> Peer<S> {
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
         let is_of_publisher = message.of.is_some();
-        if is_of_publisher && hwm.is_some_and(|hwm| self.waiting() >= hwm) {
+        if is_of_publisher && hwm.is_some_and(|hwm| self.outbox.waiting() >= hwm) {
             return Err(DropReason::Stalled);
         }
-        if !is_of_publisher && self.words() > 4 {
+        if !is_of_publisher && self.outbox.words() > 4 {
             // The broker repeats its counts: an old message need not wait beside a newer one.
             return Ok(());
         }
         let sealed =
             self.mechanism.sealed(&message.parts).map_err(|_never| DropReason::SendFailed)?;
-        let outgoing = Outgoing::Message(Arc::clone(message), sealed);
-        match self.outbox.push(outgoing, usize::MAX, Overflow::DropNewest, drop) {
-            Err((_, reason)) if is_of_publisher => Err(reason),
-            queued => {
-                let added = usize::from(is_of_publisher && queued.is_ok());
-                self.published += added;
-                self.of_publishers += added;
-                Ok(())
-            }
+        match self.outbox.push(message, sealed) {
+            Err(reason) if is_of_publisher => Err(reason),
+            _ => Ok(()),
         }
-    }
-
-    /// Number of messages that wait, which are counted against the high-water mark.
-    pub(super) fn waiting(&self) -> usize {
-        let first = self.outbox.iter().next();
-        let written = first.map_or(0, |first| first.written(self.outbox.written()));
-        self.published.saturating_sub(written)
-    }
-
-    /// Number of words of the protocol that wait.
-    fn words(&self) -> usize {
-        self.outbox.len().saturating_sub(self.of_publishers)
-    }
-
-    /// Messages of a publisher that were not sent as a whole: the size of each as its publisher counts it, and its fingerprint.
-    pub(super) fn unsent(&self) -> impl Iterator<Item = (usize, Option<Fingerprint>)> {
-        let mut written = self.outbox.written();
-        self.outbox.iter().flat_map(move |one| one.published(std::mem::take(&mut written)))
     }
 
     /// Takes a small message of a publisher of ours, of `bytes` bytes, into its queue, which no other peer is to get.
@@ -257,56 +219,22 @@ impl<S: Read + Write> Peer<S> {
         print: Option<Fingerprint>,
         hwm: Option<usize>,
     ) -> Result<(), DropReason> {
-        if hwm.is_some_and(|hwm| self.waiting() >= hwm) {
+        if hwm.is_some_and(|hwm| self.outbox.waiting() >= hwm) {
             return Err(DropReason::Stalled);
         }
-        let Self { outbox, mechanism, published, of_publishers, spare, .. } = self;
-        let mut put =
-            |batch: &mut Batch| batch.take(bytes, print, |out| mechanism.append(frames, out));
-        let mut is_put = None;
-        let takes = |last: &mut Outgoing| {
-            if let Outgoing::Batch(batch) = last {
-                is_put = put(batch);
-            }
-            is_put.is_some()
-        };
-        if !outbox.extend(bytes, takes)? {
-            let mut batch = spare.take().unwrap_or_default();
-            is_put = put(&mut batch);
-            let batch = Outgoing::Batch(batch);
-            let pushed = outbox.push(batch, usize::MAX, Overflow::DropNewest, drop);
-            pushed.map_err(|(_, reason)| reason)?;
-            *of_publishers += 1;
-        }
-        *published += 1;
+        let append = |out: &mut Vec<u8>| self.mechanism.append(frames, out);
+        let appended = self.outbox.push_small(bytes, print, append)?;
         // A connection whose sealing has failed, which does not happen, sends what the broker ends it for.
-        is_put.and_then(Result::ok).ok_or(DropReason::SendFailed)
+        appended.and_then(Result::ok).ok_or(DropReason::SendFailed)
     }
 
     pub(super) fn write(&mut self) -> std::io::Result<()> {
         if self.is_blocked {
             return Ok(());
         }
-        let (stream, mut left) = (&mut self.stream, Left::default());
-        let written =
-            self.outbox.write(|slices| stream.write_vectored(slices), |sent| left.note(sent));
-        self.note_left(left);
-        self.is_blocked = !written?;
+        let stream = &mut self.stream;
+        self.is_blocked = !self.outbox.write(|slices| stream.write_vectored(slices))?;
         Ok(())
-    }
-
-    /// Takes note that the first `count` bytes of what waits were written by another than [`Self::write`].
-    pub(super) fn note_written(&mut self, count: usize) {
-        let mut left = Left::default();
-        self.outbox.note_written(count, |sent| left.note(sent));
-        self.note_left(left);
-    }
-
-    /// Takes note of entries that were sent as a whole.
-    fn note_left(&mut self, left: Left) {
-        self.published = self.published.saturating_sub(left.messages);
-        self.of_publishers = self.of_publishers.saturating_sub(left.entries);
-        self.spare = left.spare.or(self.spare.take());
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
@@ -402,14 +330,17 @@ impl<S: Read + Write> Peer<S> {
             };
             let (theirs, has_heartbeats) = zmtp::read_greeting(greeting)?;
             self.inbox = rest.to_vec();
-            self.mechanism.greeting().1.into_iter().for_each(|rest| self.put(rest));
+            self.mechanism.greeting().1.into_iter().for_each(|rest| self.outbox.push_word(rest));
             let ours = self.mechanism.name();
             if theirs != ours {
                 return Err(ConnectionEnd::Mechanism { theirs, ours });
             }
             self.has_heartbeats = has_heartbeats;
             self.stage = Stage::Handshake;
-            self.mechanism.begin(self.kind.name()).into_iter().for_each(|first| self.put(first));
+            self.mechanism
+                .begin(self.kind.name())
+                .into_iter()
+                .for_each(|first| self.outbox.push_word(first));
         }
         let inbox = std::mem::take(&mut self.inbox);
         let mut rest = &inbox[..];
@@ -551,7 +482,7 @@ impl<S: Read + Write> Peer<S> {
                 let context = rest.get(2..).unwrap_or_default();
                 let pong =
                     [&b"\x04PONG"[..], context.get(..context.len().min(16)).unwrap_or_default()];
-                if self.words() <= 4 {
+                if self.outbox.words() <= 4 {
                     self.tell(&pong.concat());
                 }
             }
@@ -633,28 +564,6 @@ impl<S: Read + Write> Peer<S> {
             Some(_) => {}
         }
         true
-    }
-}
-
-/// Entries that have left the queue, sent as a whole.
-#[derive(Default)]
-struct Left {
-    /// Messages of a publisher.
-    messages: usize,
-    /// Entries that had some.
-    entries: usize,
-    /// Memory of a batch, for the next.
-    spare: Option<Box<Batch>>,
-}
-
-impl Left {
-    fn note(&mut self, sent: Outgoing) {
-        let messages = sent.published(0).count();
-        self.messages += messages;
-        self.entries += usize::from(messages > 0);
-        if let Outgoing::Batch(batch) = sent {
-            self.spare = batch.emptied();
-        }
     }
 }
 

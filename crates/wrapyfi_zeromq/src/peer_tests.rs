@@ -15,7 +15,7 @@ fn listener(minor: u8) -> Peer {
     greeting[11] = minor;
     peer.inbox = [greeting, zmtp::ready("SUB")].concat();
     peer.understand(&mut Vec::new()).unwrap();
-    drop(peer.outbox.drain());
+    peer.outbox.clear();
     peer
 }
 
@@ -47,11 +47,10 @@ fn silence_is_death_only_for_who_knows_heartbeats() {
         let mut peer = listener(minor);
         peer.inbox = said;
         peer.understand(&mut Vec::new()).unwrap();
-        drop(peer.outbox.drain());
+        peer.outbox.clear();
         let asked_at = peer.heard_at + options::SILENCE;
         assert!(peer.is_alive(asked_at));
-        assert_eq!(peer.outbox.len(), 1, "it is asked");
-        drop(peer.outbox.drain());
+        assert_eq!(peer.outbox.clear(), 1, "it is asked");
         assert!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT / 2));
         assert_eq!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT), lives, "{minor}");
         assert!(peer.outbox.is_empty(), "it is asked once");
@@ -98,7 +97,7 @@ fn a_connection_within_the_process_is_not_asked_whether_it_lives() {
     assert!(peer.is_alive(silent) && peer.outbox.is_empty());
     drop(other);
     assert!(peer.is_alive(silent));
-    assert_eq!(peer.outbox.len(), 1);
+    assert_eq!(peer.outbox.clear(), 1);
 }
 
 /// Takes at most `room` bytes, and has none to read.
@@ -130,29 +129,26 @@ impl Write for Wire {
 #[test]
 fn small_messages_go_whole_and_in_order_whoever_writes_them() {
     let mut peer = Peer::new(Wire::default(), "127.0.0.1:1".parse().unwrap(), Instant::now());
-    drop(peer.outbox.drain());
+    peer.outbox.clear();
     let (mut wanted, mut written_by_other) = (Vec::new(), 0);
     for n in 0..600_usize {
         let frames = [vec![b'/'; n % 4], vec![n as u8; n * n % 300]];
         let bytes = frames.iter().map(Vec::len).sum();
         zmtp::append(&frames, &mut wanted);
         // Another takes the batch that goes next, as the I/O thread does, while this message comes.
-        let taken = match peer.outbox.first() {
-            Some(Outgoing::Batch(batch)) if n % 3 == 0 => Some(batch.bytes()),
-            _ => None,
-        };
+        let taken = if n % 3 == 0 { peer.outbox.batch() } else { None };
         if n % 50 == 49 {
             let message = Message::new(frames.to_vec(), false, Some((Bytes::new(), bytes)), None);
             peer.queue(&message, None).unwrap();
         } else {
             peer.queue_small(&frames, bytes, None, None).unwrap();
         }
-        if let Some(batch) = taken {
-            let rest = &batch[peer.outbox.written()..];
+        if let Some((batch, written)) = taken {
+            let rest = &batch[written..];
             let count = rest.len().min(n * 7 % 400);
             peer.stream.taken.extend_from_slice(&rest[..count]);
             drop(batch);
-            peer.note_written(count);
+            peer.outbox.note_written(count);
             written_by_other += count;
         } else if n % 11 == 0 {
             (peer.stream.room, peer.is_blocked) = (n * 11 % 300, false);
@@ -160,33 +156,37 @@ fn small_messages_go_whole_and_in_order_whoever_writes_them() {
         }
     }
     assert!(
-        peer.waiting() > 64 && written_by_other > 10_000,
+        peer.outbox.waiting() > 64 && written_by_other > 10_000,
         "{} {written_by_other}",
-        peer.waiting()
+        peer.outbox.waiting()
     );
-    assert!(peer.waiting() < peer.published, "a batch of which a part is written");
-    assert_eq!(peer.unsent().count(), peer.waiting(), "what is written does not wait");
-    let left: usize = peer.unsent().map(|(bytes, _)| bytes).sum();
-    assert!(wanted.len() - peer.stream.taken.len() - left < 5 * peer.waiting() + 400);
+    assert!(peer.outbox.is_within_batch(), "a batch of which a part is written");
     assert_eq!(
-        peer.queue_small(&[vec![1]], 1, None, Some(peer.waiting())),
+        peer.outbox.unsent().count(),
+        peer.outbox.waiting(),
+        "what is written does not wait"
+    );
+    let left: usize = peer.outbox.unsent().map(|(bytes, _)| bytes).sum();
+    assert!(wanted.len() - peer.stream.taken.len() - left < 5 * peer.outbox.waiting() + 400);
+    assert_eq!(
+        peer.queue_small(&[vec![1]], 1, None, Some(peer.outbox.waiting())),
         Err(DropReason::Stalled)
     );
     (peer.stream.room, peer.is_blocked) = (usize::MAX, false);
     peer.write().unwrap();
     assert!(peer.stream.taken == wanted, "{} of {}", peer.stream.taken.len(), wanted.len());
-    assert_eq!((peer.published, peer.waiting(), peer.words(), peer.outbox.len()), (0, 0, 0, 0));
+    assert_eq!((peer.outbox.waiting(), peer.outbox.words(), peer.outbox.clear()), (0, 0, 0));
 }
 
 /// Whoever takes nothing and asks, beside messages that wait, has no more than a few answers waiting.
 #[test]
 fn pings_are_answered_a_few_times_while_batches_wait() {
     let mut peer = Peer::new(Wire::default(), "127.0.0.1:1".parse().unwrap(), Instant::now());
-    drop(peer.outbox.drain());
+    peer.outbox.clear();
     for n in 0..100 {
         peer.queue_small(&[vec![1; 200]], 200, None, None).unwrap();
         peer.obey(b"\x04PING\0\0", &mut Vec::new());
-        assert_eq!(peer.words(), 5.min(n + 1));
+        assert_eq!(peer.outbox.words(), 5.min(n + 1));
     }
-    assert_eq!(peer.waiting(), 100);
+    assert_eq!(peer.outbox.waiting(), 100);
 }

@@ -173,7 +173,7 @@ impl SocketRole for Publication {
     }
 
     fn ended(&mut self, peer: &Peer, reason: DropReason) {
-        for (bytes, print) in peer.unsent() {
+        for (bytes, print) in peer.outbox.unsent() {
             self.context.counters.undelivered(reason, bytes);
             self.own.forget(print);
         }
